@@ -29,7 +29,7 @@ test-all: .venv/.ready-$(EXTRAS)            ## run all tests, also those that ta
 # Left out is what no version of a package matters for: pages in a browser, documents and sources that are read; what parses without NumPy
 # for long; processes, signals and pipes, which are those of the standard library; how the kit calls a decoder and tells
 # causes; and adapters of PyTorch, of which one version is allowed.
-UNVERSIONED = --ignore tests/viewer --ignore tests/viewing --ignore tests/kaitai --ignore tests/lab/site --ignore tests/lab/pages \
+UNVERSIONED = --ignore tests/viewer --ignore tests/tools/viewing --ignore tests/kaitai --ignore tests/lab/site --ignore tests/lab/pages \
 	--ignore-glob 'tests/adapters/test_web_*' --ignore tests/conformance/test_page_in_browser.py \
 	--ignore tests/supply_chain/test_sources.py --ignore tests/test_arrows.py --ignore tests/test_links.py --ignore tests/test_tour.py \
 	--ignore tests/test_portable_sources.py --ignore tests/hostile/test_syntax_elements.py \

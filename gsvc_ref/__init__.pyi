@@ -1,5 +1,10 @@
 """What the package offers, by the module that each name comes from: type checkers read this, and so does `lazily`."""
 
+from gsvc_base import spec as spec
+from gsvc_base.errors import GsvcError as GsvcError
+from gsvc_base.errors import UsageError as UsageError
+from gsvc_base.splats import Splats as Splats
+from gsvc_base.splats import scale_parameters as scale_parameters
 from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
 from gsvc_ref.bitstream.planes import decode_plane as decode_plane
 from gsvc_ref.bitstream.rans import encode_plane as encode_plane
@@ -8,8 +13,6 @@ from gsvc_ref.encoder import Settings as Settings
 from gsvc_ref.encoder import encode as encode
 from gsvc_ref.encoder import write as write
 from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
-from gsvc_ref.errors import GsvcError as GsvcError
-from gsvc_ref.errors import UsageError as UsageError
 from gsvc_ref.main.operations import adapt_model as adapt_model
 from gsvc_ref.main.operations import density_frequencies as density_frequencies
 from gsvc_ref.main.operations import half_frequencies as half_frequencies
@@ -42,12 +45,8 @@ from gsvc_ref.rendering import render_sum_deterministic as render_sum_determinis
 from gsvc_ref.rendering import rendering_work as rendering_work
 from gsvc_ref.rendering import to_frame as to_frame
 from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
-from gsvc_ref.splats import Splats as Splats
-from gsvc_ref.splats import scale_parameters as scale_parameters
 from gsvc_ref.stream import Gap as Gap
 from gsvc_ref.stream import Stream
-from gsvc_ref.stream import concat as concat
-from gsvc_ref.stream import cut as cut
 from gsvc_ref.stream import decode as decode
 from gsvc_ref.stream import decode_stream as decode_stream
 from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
@@ -67,6 +66,8 @@ from gsvc_ref.training.weighting import weighted_gradients as weighted_gradients
 from gsvc_ref.training.weighting import weighted_parameters as weighted_parameters
 from gsvc_ref.video.color import frame_to_planes as frame_to_planes
 from gsvc_ref.video.color import planes_to_frame as planes_to_frame
+from gsvc_tools.editing import concat as concat
+from gsvc_tools.editing import cut as cut
 
 open = Stream
 __version__: str

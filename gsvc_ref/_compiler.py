@@ -3,7 +3,7 @@
 import os
 from typing import Any, Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 try:
     import numba

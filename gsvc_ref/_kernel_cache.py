@@ -23,11 +23,14 @@ from numba.core import runtime as numba_runtime
 from numba.core.caching import FunctionCache, IndexDataCacheFile
 from numba.core.environment import Environment, _rebuild_env
 
+import gsvc_base
 from gsvc_ref._kernel_parts import PARTS
 
 PACKAGE: Final = Path(__file__).resolve().parent
-WITHOUT_KERNELS: Final = ("cli", "testing")
-"""Folders of the package that no kernel comes from, so that a change there costs no compilation."""
+BASE: Final = Path(gsvc_base.__file__).resolve().parent
+"""The package whose constants kernels hold."""
+WITHOUT_KERNELS: Final = ("cli", "exact", "pages", "testing")
+"""Folders of both that no kernel comes from, so that a change there costs no compilation."""
 
 
 class KernelCache:
@@ -154,7 +157,7 @@ def _rebuilt_environment(module: str, constants: list[Any], name: str) -> Any:
 
 @cache
 def kernel_folder(package: str = "gsvc_ref") -> Path | None:
-    """The folder for the kernels of a package, compiled from its present sources and those of gsvc_ref.
+    """The folder for the kernels of a package, compiled from its present sources and those of gsvc_ref and gsvc_base.
 
     Folders for other sources of the same installation are removed. None if there is no place for a folder.
     """
@@ -215,10 +218,10 @@ def _is_private(folder: Path) -> bool:
 def _sources(package: str) -> Iterator[str]:
     """Path and digest of each source that kernels, or constants in them, may come from."""
     main = getattr(sys.modules.get(package), "__file__", None)
-    for root in sorted({PACKAGE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
+    for root in sorted({PACKAGE / "__init__.py", BASE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
         folder, whole = str(root.parent), root.name == "__init__.py"
         for name in sorted(glob("**/*.py", root_dir=folder, recursive=True)) if whole else [root.name]:
-            if root.parent != PACKAGE or name.split(os.sep)[0] not in WITHOUT_KERNELS:
+            if root.parent not in (PACKAGE, BASE) or name.split(os.sep)[0] not in WITHOUT_KERNELS:
                 with open(os.path.join(folder, name), "rb") as file:
                     yield f"{name} {sha256(file.read()).hexdigest()}"
 

@@ -9,34 +9,36 @@ from typing import Any, Final
 
 _IMPORT: Final = re.compile(r"^from (\S+) import (\w+)", re.MULTILINE)
 _ALIAS: Final = re.compile(r"^(\w+) = (\w+)$", re.MULTILINE)
-_OFFERED: Final = re.compile(r"^(\w+): Any$", re.MULTILINE)
 
 
 def lazily(
-    package: str, offered: Callable[[str], Any] | None = None
+    package: str, **offered: Callable[[str], Any]
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` of a package, from its stub ``__init__.pyi``, which type checkers read.
 
-    A line ``from MODULE import NAME as NAME`` of the stub is a name and where it comes from, ``PUBLIC = NAME`` gives it
-    another one, and what a line ``PUBLIC: Any`` names is asked of `offered`.
+    A line ``from MODULE import NAME as NAME`` of the stub is a name and its home; ``PUBLIC = NAME`` renames it.
+
+    Parameters
+    ----------
+    offered
+        By a package that plugs itself in: what gives its names, since this one must not import it.
     """
     file = modules[package].__file__
     assert file is not None
     stub = Path(file).with_suffix(".pyi").read_text(encoding="utf-8")
     homes = {name: (module, name) for module, name in _IMPORT.findall(stub)}
     homes |= {public: homes.pop(name) for public, name in _ALIAS.findall(stub)}
-    others = _OFFERED.findall(stub)
 
     def get(name: str) -> Any:
-        if name in homes:
-            module, attribute = homes[name]
-            value = getattr(import_module(module), attribute)
-        elif offered is not None and name in others:
-            value = offered(name)
-        else:
+        if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        module, attribute = homes[name]
+        if (plugged := offered.get(module.partition(".")[0])) is not None:
+            value = plugged(name)
+        else:  # a name of the module, or a module of the package
+            value = getattr(import_module(module), attribute, None) or import_module(f"{module}.{attribute}")
         setattr(modules[package], name, value)
         return value
 
-    names = sorted([*homes, *others])
+    names = sorted(homes)
     return get, lambda: sorted({*vars(modules[package]), *names}), names

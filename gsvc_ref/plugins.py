@@ -131,7 +131,7 @@ def offered(name: str) -> Any:
     """
     _load()
     if name not in _names:
-        from gsvc_ref.errors import UsageError
+        from gsvc_base.errors import UsageError
 
         raise UsageError(f"gsvc_ref.{name} needs gsvc_tools, which comes with gsvc_ref: pip install .")
     return getattr(import_module(_names[name]), name)

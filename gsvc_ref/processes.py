@@ -22,7 +22,7 @@ from importlib import import_module
 from queue import LifoQueue
 from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection

@@ -1,6 +1,19 @@
 """gsvc_tools: what makes the codec gsvc_ref pleasant to use, a plug-in of the same distribution.
 
 gsvc_ref has what a decoder, the paper's training, or one readable encoder needs. What people want beside that stands
-here: commands and functions that gsvc_ref offers under its own names when this package is installed, registered below
-through `gsvc_ref.plugins`. It imports gsvc_ref; gsvc_ref imports nothing from here.
+here: `editing` joins and cuts streams, `splat_files` has splats in files of other formats, and `viewing` is the server
+of ``gsvc view``. With gsvc_tools installed, gsvc_ref has the functions ``concat`` and ``cut``, and ``gsvc`` has the
+commands ``view``, ``concat``, ``cut``, ``import`` and ``export``.
+
+This module registers all of it through `gsvc_ref.plugins`. gsvc_tools imports gsvc_ref, and gsvc_ref nothing from here.
 """
+
+from gsvc_ref import plugins as _plugins
+
+_plugins.add_names({"concat": "gsvc_tools.editing", "cut": "gsvc_tools.editing"})
+
+_plugins.add_command("view", "gsvc_tools.cli.view")
+_plugins.add_command("concat", "gsvc_tools.cli.concat")
+_plugins.add_command("cut", "gsvc_tools.cli.cut")
+_plugins.add_command("import", "gsvc_tools.cli.splats_in")
+_plugins.add_command("export", "gsvc_tools.cli.splats_out")

@@ -7,9 +7,9 @@ from io import BytesIO
 
 import numpy as np
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import decode
 from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Growth, Rates
 from gsvc_ref.video import ColorDescription, VideoFormat

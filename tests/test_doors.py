@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.checks import door
 from gsvc_conformance.pairs import PAIRS, Twin
 from gsvc_conformance.vector import VECTORS, read
-from gsvc_ref.checks import door
 
 WRONG = (None, "text", object(), {}, np.array(["a"]), np.array([None, None]))
 SPLATS = np.array([[5, 5, 2, 0, 2, 0.5, 0.5, 0.5]])

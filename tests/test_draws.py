@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from gsvc_ref import portable
-from gsvc_ref.draws import Draws
+from gsvc_base import portable
+from gsvc_base.draws import Draws
 
 MASK = (1 << 64) - 1
 

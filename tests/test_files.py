@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from gsvc_ref import files
-from gsvc_ref.files import PartialFile, complete_file, remove_leftover, write_text
+from gsvc_base import files
+from gsvc_base.files import PartialFile, complete_file, remove_leftover, write_text
 from gsvc_ref.video import ColorDescription, VideoFormat, open_writer
 
 VIDEO = VideoFormat(16, 16, Fraction(25), 8, "420", ColorDescription(1, 1, 1, False, 0))
@@ -21,7 +21,7 @@ posix = pytest.mark.skipif(os.name != "posix", reason="permissions and locks of 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from gsvc_ref.files import PartialFile
+from gsvc_base.files import PartialFile
 for name in sys.argv[1:]:
     part = PartialFile(Path(name))
     part.path.write_bytes(b"half")
@@ -267,7 +267,7 @@ def test_text_that_is_no_unicode_is_written_with_escapes(tmp_path):
 
 WRITES = """
 import sys
-from gsvc_ref.files import write_text
+from gsvc_base.files import write_text
 print("before")
 write_text("the page\\n", sys.argv[1])
 print("after")

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted(
     {*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("conformance/*.md"), *ROOT.glob("viewer/*.md")}
 )
-FOLDERS = ("gsvc_ref", "gsvc_tools", "gsvc_lab", "conformance", "tests", "viewer", "vectors", "docs")
+FOLDERS = ("gsvc_base", "gsvc_ref", "gsvc_tools", "gsvc_lab", "conformance", "tests", "viewer", "vectors", "docs")
 HISTORY = ("CHANGELOG.md",)
 """Documents whose text, apart from links, names paths of former versions or of a user's machine."""
 

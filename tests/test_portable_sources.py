@@ -11,17 +11,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import gsvc_base
+import gsvc_base.draws
 import gsvc_conformance
 import gsvc_lab
 import gsvc_ref
-import gsvc_ref.draws
 
+BASE = Path(gsvc_base.__file__).parent
 HOME = Path(gsvc_ref.__file__).parent
 LAB = Path(gsvc_lab.__file__).parent
 KIT = Path(gsvc_conformance.__file__).parent
 MAKING = sorted(
     [*(KIT / "cases").glob("*.py"), *(KIT / "operations").rglob("*.py"), KIT / "elementary.py", KIT / "streams.py",
-     HOME / "testing" / "running_error.py", HOME / "testing" / "training_bounds.py"]
+     BASE / "exact" / "running_error.py", BASE / "exact" / "training_bounds.py"]
 )  # fmt: skip
 """What makes the inputs, the expected numbers and the bounds of golden vectors."""
 
@@ -56,7 +58,7 @@ FOR_PEOPLE = ("scenes/gallery.py", "scenes/gallery_pictures.py", "encoder/report
 OF_RANDOM = {"Generator", "default_rng"}
 """Of `numpy.random`: the generator of a seed and its type, of which only `random` and `spawn` are called."""
 
-DRAWS = gsvc_ref.draws.__name__
+DRAWS = gsvc_base.draws.__name__
 """In a file that imports it a name that ends in ``rng`` is a `Draws`, elsewhere a `Generator`."""
 
 PARTS = (
@@ -71,7 +73,8 @@ PARTS = (
 
 SOURCES = sorted(
     str(path.relative_to(HOME.parent))
-    for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("[dps]*.py"),
+    for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("p*.py"),
+                 *BASE.glob("[dps]*.py"), *(BASE / "rendering").glob("*.py"), *(BASE / "exact").glob("[der]*.py"),
                  *(HOME / "testing").glob("[c-r]*.py"), *(LAB / "scenes").rglob("*.py"),
                  HOME / "metrics" / "squared_error.py"]
     if not str(path).endswith(FOR_PEOPLE)
@@ -177,7 +180,7 @@ def test_nothing_that_is_let_pass_has_gone():
         ("drawn = np.random.default_rng(0)", ["line 1: a Generator that is called drawn"]),
         ("def f(g: np.random.Generator): pass", ["line 1: a Generator that is called g"]),
         ("a = self._rng.permutation(3) + rng.random() + rng.spawn(2)", ["line 1: rng.permutation"]),
-        ("from gsvc_ref.draws import Draws\na = rng.integers(3)", []),
+        ("from gsvc_base.draws import Draws\na = rng.integers(3)", []),
         ("y = np.sqrt(x) * math.sqrt(3) + math.ldexp(1.0, k)", []),
     ],
 )

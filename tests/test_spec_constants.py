@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gsvc_base.rendering.bounds import EPS, ETA
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
-from gsvc_ref.rendering.bounds import EPS, ETA
 
 ROOT = Path(__file__).parents[1]
-PACKAGE = ROOT / "gsvc_ref"
+PACKAGES = (ROOT / "gsvc_base", ROOT / "gsvc_ref")
 NAMED = re.compile(r"`([A-Z][A-Z0-9_]*)`")
 
 UNNEEDED = {
@@ -70,9 +70,9 @@ def defined(tree):
 
 @cache
 def definitions():
-    """The modules of gsvc_ref that define each name, leading underscores left out."""
+    """The modules of gsvc_base and gsvc_ref that define each name, leading underscores left out."""
     homes = {}
-    for path in PACKAGE.rglob("*.py"):
+    for path in (path for package in PACKAGES for path in package.rglob("*.py")):
         module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
         for name in defined(ast.parse(path.read_text(encoding="utf-8"))):
             homes.setdefault(name.lstrip("_"), []).append(module)

@@ -1,4 +1,4 @@
-"""gsvc_ref.spec runs from spec.md itself: its names, where its source is found, and that a wheel carries it."""
+"""gsvc_base.spec runs from spec.md itself: its names, where its source is found, and that a wheel carries it."""
 
 import importlib.util
 import inspect
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsvc_ref import document, spec
+from gsvc_base import document, spec
 
 ROOT = Path(__file__).parents[1]
 DOCUMENT = ROOT / "spec.md"
@@ -23,7 +23,7 @@ DOCUMENT = ROOT / "spec.md"
 CALL = """
 import sys
 import numpy as np
-from gsvc_ref import spec
+from gsvc_base import spec
 print(spec.__file__)
 print(spec.lsq_quantize(np.full((1, 1), 0.5, np.float32), np.float32([0.1]), np.float32([0]), bits=8)["codes"].item())
 """
@@ -45,7 +45,7 @@ def test_all_names_are_those_of_the_document():
 
 def test_functions_and_classes_are_of_the_module():
     for name, value in defined().items():
-        assert value.__module__ == "gsvc_ref.spec"
+        assert value.__module__ == "gsvc_base.spec"
         assert pickle.loads(pickle.dumps(value)) is getattr(spec, name)
 
 
@@ -83,7 +83,7 @@ def test_text_around_the_code_stands_in_comments():
 
 
 def test_it_is_loaded_on_demand():
-    ask = "import sys, gsvc_ref, gsvc_ref.encoder; sys.exit('gsvc_ref.spec' in sys.modules)"
+    ask = "import sys, gsvc_ref, gsvc_ref.encoder; sys.exit('gsvc_base.spec' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", ask], cwd=ROOT, check=False).returncode == 0
 
 
@@ -94,23 +94,23 @@ def test_a_wheel_carries_the_document(tmp_path):
     (wheel,) = tmp_path.glob("*.whl")
     home = tmp_path / "installed"
     with zipfile.ZipFile(wheel) as archive:
-        assert archive.read("gsvc_ref/spec.md") == DOCUMENT.read_bytes()
-        page = archive.read("gsvc_ref/web/viewer/index.html").decode()
+        assert archive.read("gsvc_base/spec.md") == DOCUMENT.read_bytes()
+        page = archive.read("gsvc_tools/web/viewer/index.html").decode()
         loaded = re.findall(r'(?:src|href)="([^":#]+)"', page)
-        places = [posixpath.normpath(f"gsvc_ref/web/viewer/{name}") for name in loaded]
+        places = [posixpath.normpath(f"gsvc_tools/web/viewer/{name}") for name in loaded]
         assert len(places) > 20
         assert set(places) <= set(archive.namelist()), "the viewer lacks a script"
         archive.extractall(home)
     run = [sys.executable, "-P", "-c", f"import sys; sys.path.insert(0, {str(home)!r})\n{CALL}"]
     found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.splitlines()
-    assert found == [str(home / "gsvc_ref" / "spec.md"), "5"]
+    assert found == [str(home / "gsvc_base" / "spec.md"), "5"]
 
 
 def test_a_package_with_the_document_inside_runs_from_it(tmp_path):
-    home = tmp_path / "gsvc_ref"
+    home = tmp_path / "gsvc_base"
     home.mkdir()
     for name in ("__init__.py", "document.py", "spec.py"):
-        (home / name).write_bytes((ROOT / "gsvc_ref" / name).read_bytes())
+        (home / name).write_bytes((ROOT / "gsvc_base" / name).read_bytes())
     (home / "spec.md").write_bytes(DOCUMENT.read_bytes())
     run = [sys.executable, "-P", "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{CALL}"]
     found = subprocess.run(run, cwd=tmp_path, capture_output=True, text=True, check=True).stdout.splitlines()

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats, scale_parameters
 from gsvc_ref.rendering import render_exact_with_bound, render_sum
-from gsvc_ref.splats import Splats, scale_parameters
 from gsvc_ref.testing.strategies import splat_sets
 
 COLUMNS = {"positions": 2, "cholesky": 3, "colors": 3}

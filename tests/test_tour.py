@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.syntax import named
 from gsvc_ref.main.tables import step_of
 from gsvc_ref.stream import StreamReader
-from gsvc_ref.syntax import named
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream
 
 ROOT = Path(__file__).parents[1]

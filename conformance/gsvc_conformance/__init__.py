@@ -12,10 +12,15 @@ Whatever an implementation can be asked is an *operation* (`operation`, `operati
 *case* (`case`, `cases/`) gives inputs and asserts what must hold of the outputs; written to `vectors/` it is a *vector*
 (`vector`). What an output must be is an *expectation* (`expectations`), derived from an oracle and not from
 gsvc_ref's output where rounding is left free. `runner` and `report` judge, `mutants` judges the judge. What
-judges needs NumPy alone; `cases` and `streams`, which make vectors and streams, need gsvc_ref.
+judges needs gsvc_base and NumPy alone; `cases` and `streams`, which make vectors and streams, need gsvc_ref.
+
+A checkout and gsvc_ref's wheel have `gsvc_base` as a package of its own; a wheel of the kit carries the same files in
+`bundled`. They are used under the same name, so that an error or a `Splats` of gsvc_ref is one of the kit's.
 """
 
 import importlib
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -38,6 +43,10 @@ EXPORTS: Final = {
     "vectors": "interface",
 }
 """The module of each exported name."""
+
+BUNDLED: Final = Path(__file__).parent / "bundled"
+if BUNDLED.is_dir():  # first, so that a kit judges by what it carries
+    sys.path.insert(0, str(BUNDLED))
 
 
 def __getattr__(name: str) -> Any:

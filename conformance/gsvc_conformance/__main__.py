@@ -10,12 +10,12 @@ from argparse import Action
 from collections.abc import Sequence
 from typing import Any, Final
 
+from gsvc_base.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
+from gsvc_base.cli.parser import Parser
+from gsvc_base.cli.text import show
+from gsvc_base.errors import UsageError
+from gsvc_base.interrupts import termination_as_ctrl_c
 from gsvc_conformance import __version__
-from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
-from gsvc_ref.cli.parser import Parser
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import UsageError
-from gsvc_ref.interrupts import termination_as_ctrl_c
 
 PROGRAM: Final = "gsvc-conformance"
 USING: Final = {

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Iterator
 from typing import Final
 
-from gsvc_ref.syntax import Json, syntax
+from gsvc_base.syntax import Json, syntax
 
 HEAD: Final = """\
 /* Constants of GSVC {version}, by spec.md. Do not edit: `gsvc-conformance syntax --write` writes this file.

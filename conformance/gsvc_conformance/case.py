@@ -98,7 +98,7 @@ class Case:
 
     def run(self) -> tuple[Values, Mapping[str, Expectation]]:
         """The inputs and what the outputs must be, once all that the case asserts holds."""
-        from gsvc_ref.draws import Draws
+        from gsvc_base.draws import Draws
 
         extra = {} if self.seed is None else {"rng": Draws(self.seed)}
         steps = self.function(**self.arguments, **extra)

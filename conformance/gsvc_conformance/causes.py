@@ -8,13 +8,13 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.cli.text import plural
 from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.operation import DTYPES
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.runner import Judged
 from gsvc_conformance.spec import complexity, leads_to
 from gsvc_conformance.vector import Vector
-from gsvc_ref.cli.text import plural
 
 NOTHING: Final = np.zeros(0)
 MEND: Final = ": mend that first"

@@ -4,11 +4,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, get_args
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import OPTIONS, Group
 from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.spelling import question
-from gsvc_ref.errors import UsageError
 
 DECLARED: Final = ("live",)
 """Options that no vector judges: an implementation declares them."""

@@ -26,7 +26,7 @@ OF_BODIES: Final = ("splat_count", "new_splat_count", "lane_state", "word")
 
 def values(stream: bytes) -> Values:
     """The values of every element of a stream, up to its fault if it has one."""
-    from gsvc_ref.errors import GsvcError
+    from gsvc_base.errors import GsvcError
     from gsvc_ref.paper import FrameCodes
     from gsvc_ref.stream import StreamReader
 

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.testing.expansions import Expansion, exact, rational
+from gsvc_base.exact.expansions import Expansion, exact, rational
 
 F8 = NDArray[np.float64]
 

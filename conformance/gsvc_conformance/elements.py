@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
+from gsvc_base.syntax import named
 from gsvc_conformance.element_values import Number, Values, plane_values, values
 from gsvc_conformance.sets import read_sets, withdrawn
 from gsvc_conformance.spec import header_rows
 from gsvc_conformance.vector import MANIFEST, VECTORS, files_in, vector_in
-from gsvc_ref.syntax import named
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")

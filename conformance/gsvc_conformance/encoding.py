@@ -12,10 +12,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.cli.text import plural
+from gsvc_base.portable import log10
 from gsvc_conformance.fault_elements import element_found
 from gsvc_conformance.spec import namespace
-from gsvc_ref.cli.text import plural
-from gsvc_ref.portable import log10
 
 Array = NDArray[Any]
 

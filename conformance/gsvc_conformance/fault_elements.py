@@ -8,7 +8,7 @@ import re
 from types import FrameType, TracebackType
 from typing import Final
 
-from gsvc_ref.document import PATH
+from gsvc_base.document import PATH
 
 OFFSETS: Final = {
     "chunk_bit": "chunk_type", "frame_count_bit": "frame_count", "map_bit": "survivor_map", "table_bit": "frequency",

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import UsageError
 from gsvc_conformance.claim import Claim
 from gsvc_conformance.level import LEVELS, splat_counts
 from gsvc_conformance.operation import Group, Operation, operations
@@ -14,8 +16,6 @@ from gsvc_conformance.profiles import ANY, PROFILES, stated_profile
 from gsvc_conformance.spec import header_rows, namespace
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import Vector
-from gsvc_ref.cli.text import plural
-from gsvc_ref.errors import UsageError
 
 MOST_SPLATS: Final = 1 << 32
 """No frame has so many splats: a `uv` cannot say it."""

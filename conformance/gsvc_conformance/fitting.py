@@ -11,9 +11,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import DTYPES, Operation, Port, Values
 from gsvc_conformance.spelling import question
-from gsvc_ref.errors import UsageError
 
 Array = NDArray[Any]
 STREAM: Final = ".gsvc"

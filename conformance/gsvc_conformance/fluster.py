@@ -16,11 +16,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.encoding import Decoding, rendered
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.vector import Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_ref.errors import UsageError
 
 SUITE: Final = "GSVC"
 CODEC: Final = "None"

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.case import FULL, TIERS, cases
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.coverage import PARTS, coverage_page
@@ -32,7 +33,6 @@ from gsvc_conformance.vector import (
     sums_of,
     write,
 )
-from gsvc_ref.errors import UsageError
 
 Files = Mapping[str, Mapping[str, bytes]]
 """The files of each vector, by its id."""

@@ -14,11 +14,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.rendering.bounds import EPS, error_footprints
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
 from gsvc_conformance.vector import Vector, npy
-from gsvc_ref.constants import LN_255
-from gsvc_ref.rendering.bounds import EPS, error_footprints
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

@@ -14,10 +14,10 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import DTYPES, Operation, Port, Values, operations
 from gsvc_conformance.spelling import meant
 from gsvc_conformance.standard_streams import kept_streams
-from gsvc_ref.errors import UsageError
 
 INSTALLS: Final = {
     "torch": "torch",

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.case import OWN, Case
 from gsvc_conformance.case import Inputs as CaseInputs
 from gsvc_conformance.expectations import Bounded, Expectation
@@ -23,7 +24,6 @@ from gsvc_conformance.preconditions import broken
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import SUMS, Vector, files_of, from_files, manifest_bytes
 from gsvc_conformance.vector_folder import SLUG, VectorFolder
-from gsvc_ref.errors import UsageError
 
 GENERATOR: Final = "gsvc_conformance/making.py:make_vector"
 DIGITS: Final = 12

@@ -170,7 +170,7 @@ def _is_legal(inputs: Values) -> bool:
 
 def _plane_is_sound(inputs: Values) -> bool:
     import gsvc_ref
-    from gsvc_ref.errors import GsvcError
+    from gsvc_base.errors import GsvcError
 
     try:
         gsvc_ref.decode_plane(**inputs)

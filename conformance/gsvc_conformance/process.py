@@ -21,11 +21,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
 from gsvc_conformance.supervision import Log, Program
 from gsvc_conformance.vector import native, npy
-from gsvc_ref.errors import UsageError
 
 EXIT_UNSUPPORTED: Final = 77
 """Exit status of a command that does not know an operation, or does not support what the inputs ask for."""

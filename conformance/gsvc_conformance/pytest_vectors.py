@@ -13,6 +13,8 @@ from typing import Any, Final, NamedTuple, get_args
 
 import pytest
 
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import Causes, Search, added
 from gsvc_conformance.commands import checked_operations, wanted_set
 from gsvc_conformance.commands.judging import environment
@@ -30,8 +32,6 @@ from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder
 from gsvc_conformance.waivers import read_waivers
-from gsvc_ref.cli.text import plural
-from gsvc_ref.errors import UsageError
 
 SUITE: Final = NODE.rstrip(":")
 TIMEOUT: Final = 60.0

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, get_args
 
+from gsvc_base.cli.text import plural, printable
 from gsvc_conformance.claim import Claim
 from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
@@ -14,7 +15,6 @@ from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.profiles import ANY, PROFILES
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
-from gsvc_ref.cli.text import plural, printable
 
 Outcome = Literal["pass", "fail", "unsupported", "error", "crash", "timeout", "skipped", "waived"]
 TIERS: Final = ("core", "uncommon", "stress", "faulty", "full", "own")

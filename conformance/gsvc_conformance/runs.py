@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 Array = NDArray[Any]
 Run = list[int]

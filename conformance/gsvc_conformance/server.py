@@ -18,12 +18,12 @@ from queue import Empty, SimpleQueue
 from types import TracebackType
 from typing import IO, Any, Final, Literal
 
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import Answer, Failure, Unsupported, checked_environment
 from gsvc_conformance.operation import Operation, Values
 from gsvc_conformance.process import TooMuchError, exchange, signal_name, words_of
 from gsvc_conformance.supervision import INTERVAL_S, PATIENCE_S, Log, Program
-from gsvc_ref.cli.text import plural
-from gsvc_ref.errors import UsageError
 
 Outcome = Literal["error", "crash", "timeout"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 FOLDER: Final = "sets"
 JUDGED: Final = ("operation", "inputs", "outputs")

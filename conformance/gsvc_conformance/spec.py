@@ -1,12 +1,12 @@
-"""The code inside spec.md: as `gsvc_ref.spec` runs it, patched for mutants, or with other functions in it."""
+"""The code inside spec.md: as `gsvc_base.spec` runs it, patched for mutants, or with other functions in it."""
 
 import types
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any, Final
 
-from gsvc_ref import spec
-from gsvc_ref.document import PATH, blocks
+from gsvc_base import spec
+from gsvc_base.document import PATH, blocks
 
 SPEC: Final = PATH
 SLOW: Final = "[nearest_exp2(i) for i in range(1024)]"
@@ -29,7 +29,7 @@ def namespace(
     Parameters
     ----------
     patches
-        Changes, made in order; without any it is the code as it stands, whose functions are those of `gsvc_ref.spec`.
+        Changes, made in order; without any it is the code as it stands, whose functions are those of `gsvc_base.spec`.
     functions
         Functions that take the place of the code's own, which then calls these.
 

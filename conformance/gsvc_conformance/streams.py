@@ -13,10 +13,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.element_values import used
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector import npy
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import decode_stream_deterministic, reconstruct_stream
 from gsvc_ref.testing.random_streams import ANYTHING, Stream, Wishes, random_stream
 

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.syntax import syntax
 from gsvc_conformance.c_header import c_header
-from gsvc_ref.syntax import syntax
 
 CHECKOUT: Final = Path(__file__).parents[2]
 ROOT: Final = CHECKOUT if (CHECKOUT / "spec.md").is_file() else Path()

@@ -19,6 +19,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.case import Case
 from gsvc_conformance.encoding import Task
 from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expectation, Rate, Refusal
@@ -26,7 +27,6 @@ from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.profiles import ANY, profile_of
 from gsvc_conformance.runs import pack, unpack
-from gsvc_ref.errors import UsageError
 
 PACKED: Final = Path(__file__).with_name("vectors.zip")
 """The vectors of an installed kit."""

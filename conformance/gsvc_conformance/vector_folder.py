@@ -15,6 +15,7 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
@@ -22,7 +23,6 @@ from gsvc_conformance.profiles import ANY, SINCE
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files
-from gsvc_ref.errors import UsageError
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 ALL_TIERS: Final = (*TIERS, FULL, OWN)

@@ -18,10 +18,10 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.spelling import question
-from gsvc_ref.errors import UsageError
 
 KEYS: Final = ("vectors", "reason", "issue", "until")
 TABLE: Final = "waiver"

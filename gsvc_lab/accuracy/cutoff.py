@@ -5,10 +5,10 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F8
-from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
-from gsvc_ref.rendering.definition import footprint
-from gsvc_ref.splats import Splats
+from gsvc_base.arrays import F8
+from gsvc_base.constants import LN_255, SUPPORT_RADIUS
+from gsvc_base.rendering.definition import footprint
+from gsvc_base.splats import Splats
 
 UNCUT_SIGMA: Final = 40.0
 """Support where nothing is cut: exp(-40) is 4e-18, which binary64 cannot add to a colour."""

@@ -4,6 +4,9 @@ import html
 from collections.abc import Callable, Sequence
 from typing import Final
 
+from gsvc_base.arrays import U1
+from gsvc_base.pages.page import Figure, cards_section, document, notes_section
+from gsvc_base.pages.tables import html_table
 from gsvc_lab.accuracy.groups import Kind
 from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement
 from gsvc_lab.accuracy.runner import central
@@ -22,11 +25,7 @@ from gsvc_lab.accuracy.tables import (
     time_text,
 )  # fmt: skip
 from gsvc_lab.pages.charts import Axis, Point, Series, plot, thousands
-from gsvc_lab.pages.data import Figure
-from gsvc_lab.pages.page import cards_section, document, notes_section
 from gsvc_lab.pages.pictures import png_uri, to_eight_bits
-from gsvc_lab.pages.tables import html_table
-from gsvc_ref.arrays import U1
 
 TITLE: Final = "What accuracy costs in time"
 

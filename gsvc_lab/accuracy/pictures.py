@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8, U1
 from gsvc_lab.accuracy.groups import Group
 from gsvc_lab.accuracy.measure import STEPS
 from gsvc_lab.accuracy.work import CutOff, SourcePicture
-from gsvc_ref.arrays import F8, U1
 
 SHOWN: Final = (("precision", "fast"), ("precision", "deterministic"), ("cutoff", "1/255"))
 """The settings whose errors are shown, where their group is measured."""

@@ -9,6 +9,7 @@ from typing import Any, Final, TypeVar, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import UsageError
 from gsvc_lab import machine
 from gsvc_lab.accuracy.encoding import Curve, encoding_curve
 from gsvc_lab.accuracy.groups import ENCODING, GROUP_NAMES, GROUPS, Group, Kind, check_names
@@ -18,7 +19,6 @@ from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement, 
 from gsvc_lab.accuracy.sources import Source
 from gsvc_lab.accuracy.work import Quality, SourcePicture, Work
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 
 SECONDS: Final = 110.0
 """Time to measure in by default."""

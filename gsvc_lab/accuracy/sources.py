@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import PHOTOGRAPHS, demo_clip, photograph
-from gsvc_ref.arrays import F4, Frame
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import open_video
 
 DEFAULT_SCENE: Final = "chelsea"

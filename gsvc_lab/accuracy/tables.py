@@ -3,11 +3,11 @@
 import math
 from typing import Any, Final
 
+from gsvc_base.pages.tables import markdown_table
 from gsvc_lab.accuracy.encoding import Curve
 from gsvc_lab.accuracy.groups import Group, Kind
 from gsvc_lab.accuracy.measure import Spread
 from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement
-from gsvc_lab.pages.tables import markdown_table
 
 BEST_MARK: Final = "*"
 

@@ -6,14 +6,14 @@ from typing import Any, Final, Literal, Protocol
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.splats import Splats
 from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
-from gsvc_ref.arrays import F4, F8
 from gsvc_ref.encoder.quantizer_choice import frame_bytes
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from gsvc_base.cli.text import plural
 from gsvc_lab.bench.coders import Coder
 from gsvc_lab.bench.measure import Point, gsvc_point, warm_up
 from gsvc_lab.bench.planes import PlanarClip
-from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
 
 MadePoint = tuple[Point, Sequence[str]]

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 QUIET: Final = ("-hide_banner", "-nostdin", "-nostats", "-y")
 

@@ -11,12 +11,12 @@ from typing import Final
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.arrays import Frame
 from gsvc_lab.bench import codecs
 from gsvc_lab.bench.codecs import Codec, Variant
 from gsvc_lab.bench.coders import Coder
 from gsvc_lab.bench.ffmpeg import FfmpegError
 from gsvc_lab.bench.planes import PlanarClip, from_frames
-from gsvc_ref.arrays import Frame
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.encoder.report import FrameReport
 from gsvc_ref.metrics import compare_frames, psnr_from_mse

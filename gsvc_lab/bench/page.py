@@ -6,6 +6,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.cli.text import plural
+from gsvc_base.files import write_text
+from gsvc_base.pages.page import document, notes_section
+from gsvc_base.pages.tables import html_table
 from gsvc_lab import machine
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.codecs import Codec
@@ -16,10 +20,6 @@ from gsvc_lab.bench.runner import Entry, Measured
 from gsvc_lab.bench.tables import cell, common, reported
 from gsvc_lab.pages.charts import Axis, Point, Series, plot
 from gsvc_lab.pages.glossary import glossary
-from gsvc_lab.pages.page import document, notes_section
-from gsvc_lab.pages.tables import html_table
-from gsvc_ref.cli.text import plural
-from gsvc_ref.files import write_text
 
 CHARTS: Final = ("psnr", "ms_ssim", "vmaf")
 """The metrics that have a chart."""

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.clips import as_frame, as_picture
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
 from gsvc_ref.video.color import Plane
 from gsvc_ref.video.format import MAX_DIMENSION

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.codecs import CODECS, Codec
 from gsvc_lab.bench.coders import MAIN, PAPER, SLOW, WIDER, Coder
@@ -15,7 +16,6 @@ from gsvc_lab.bench.ffmpeg import FfmpegError
 from gsvc_lab.bench.measure import Curve, Point, codec_point, gsvc_point, point_notes
 from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import UsageError
 
 MOST_POINTS: Final = len(WIDER)
 """Points that a curve can have."""

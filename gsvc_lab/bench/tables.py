@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 
+from gsvc_base.pages.tables import Table
 from gsvc_lab.bench.bd_rate import LITTLE, BdRate
 from gsvc_lab.bench.compare import WORDS, Comparison, Ratios
 from gsvc_lab.bench.measure import METRICS, Curve
-from gsvc_lab.pages.tables import Table
 
 
 def percent(ratio: float) -> str:

@@ -41,6 +41,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
+from gsvc_base.errors import UsageError
 from gsvc_conformance import implementations, reference
 from gsvc_conformance.cases.main_streams import Plan, main_stream
 from gsvc_conformance.vector import VECTORS
@@ -48,8 +50,6 @@ from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.machine import environment
-from gsvc_ref.draws import Draws
-from gsvc_ref.errors import UsageError
 from gsvc_ref.processes import processors
 
 OURS: Final = "gsvc_ref"

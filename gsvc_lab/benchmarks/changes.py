@@ -11,12 +11,12 @@ from unittest.mock import patch
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.arrays import U1
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_lab.benchmarks.results import Section, Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.clips import packaged
 from gsvc_ref import Settings
-from gsvc_ref.arrays import U1
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.pages.tables import markdown_table
 from gsvc_lab.clips import packaged
 from gsvc_lab.machine import machine_text
-from gsvc_lab.pages.tables import markdown_table
 
 CLIPS: Final = ("carphone_pristine", "bikes")
 

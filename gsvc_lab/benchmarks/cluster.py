@@ -18,10 +18,10 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.cli.text import duration
+from gsvc_base.pages.tables import Table
 from gsvc_lab.machine import environment
-from gsvc_lab.pages.tables import Table
 from gsvc_ref import Settings, encode
-from gsvc_ref.cli.text import duration
 from gsvc_ref.encoder.cluster import TASK_S
 from gsvc_ref.encoder.side_by_side import GROUPS_AHEAD
 

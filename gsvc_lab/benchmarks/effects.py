@@ -19,12 +19,12 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.arrays import U1
+from gsvc_base.pages.markers import put_between
+from gsvc_base.pages.tables import markdown_table
 from gsvc_lab.clips import packaged
 from gsvc_lab.machine import machine_text
-from gsvc_lab.pages.markers import put_between
-from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref import Settings
-from gsvc_ref.arrays import U1
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.arrays import U1
 from gsvc_lab.benchmarks.pictures import pictures
 from gsvc_lab.clips import as_frame, packaged
 from gsvc_lab.scenes import Scene, demo_clip, frames
 from gsvc_ref import Settings
-from gsvc_ref.arrays import U1
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 
 

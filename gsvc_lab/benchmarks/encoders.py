@@ -19,8 +19,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.pages.tables import Table
 from gsvc_lab.machine import cpu_model, machine_text
-from gsvc_lab.pages.tables import Table
 from gsvc_ref.processes import processors
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]

@@ -22,17 +22,17 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4
+from gsvc_base.files import write_text
+from gsvc_base.splats import Splats
 from gsvc_lab.benchmarks.encoding_tables import report
 from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
-from gsvc_ref.arrays import F4
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.files import write_text
 from gsvc_ref.paper import FrameType
 from gsvc_ref.processes import processors
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,

@@ -8,8 +8,8 @@ import time
 from io import BytesIO
 from typing import Final
 
+from gsvc_base.pages.tables import markdown_table
 from gsvc_lab.clips import Clip, packaged_clip, scene_clip
-from gsvc_lab.pages.tables import markdown_table
 from gsvc_ref import Settings, encode
 
 WIDTH, HEIGHT, FRAMES = 128, 96, 16

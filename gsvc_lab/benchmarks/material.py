@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import gsvc_ref
+from gsvc_base.arrays import F4
+from gsvc_base.files import complete_file
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
-from gsvc_ref.arrays import F4
-from gsvc_ref.files import complete_file
 from gsvc_ref.rendering import Objective, covered_pixels
 from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start
 from gsvc_ref.training.coarse import Sizes

@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.constants import LN_255, SUPPORT_RADIUS
+from gsvc_base.arrays import F4
+from gsvc_base.constants import LN_255, SUPPORT_RADIUS
 
 ROWS_AT_ONCE: Final = 8
 """Rows of a chunk of the dense renderer: with all rows at once autograd would keep gigabytes."""

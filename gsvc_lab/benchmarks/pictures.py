@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 import skimage.data
 
+from gsvc_base.arrays import F4
 from gsvc_lab.scenes.camera import Camera, view
-from gsvc_ref.arrays import F4
 
 SIZES: Final = {"176x144": (176, 144, 1000), "352x288": (352, 288, 2000), "1920x1080": (1920, 1080, 10_000)}
 """Width, height and N."""

@@ -9,10 +9,10 @@ import sys
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.files import write_text
+from gsvc_base.pages.markers import replaced
 from gsvc_lab.benchmarks.__main__ import RESULTS, SECTIONS, describe
 from gsvc_lab.benchmarks.results import Goal, Table, goal_table
-from gsvc_lab.pages.markers import replaced
-from gsvc_ref.files import write_text
 
 DOCUMENT: Final = Path(__file__).parents[2] / "docs" / "performance.md"
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from gsvc_lab.pages.tables import Table as Table
+from gsvc_base.pages.tables import Table as Table
 
 
 @dataclass(frozen=True)

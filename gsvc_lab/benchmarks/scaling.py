@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Final
 
+from gsvc_base.splats import scale_parameters
 from gsvc_lab.benchmarks.material import SIZES, Case, cases, trained, trained_path
 from gsvc_lab.benchmarks.memory import peaks_of
 from gsvc_lab.benchmarks.rendering import FIT_ITERATIONS, ours
 from gsvc_lab.benchmarks.results import Goal, Section, Table
 from gsvc_lab.benchmarks.timing import Spread, interleaved, ratio
-from gsvc_ref.splats import scale_parameters
 
 THREAD_GOAL: Final = (1.6, 1.9)
 """Must and aim of one thread's time over that of two."""
@@ -18,7 +18,7 @@ import sys
 import numpy as np
 from gsvc_lab.benchmarks.memory import peak_kib
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.splats import Splats
+from gsvc_base.splats import Splats
 parameters, width, height = np.load(sys.argv[1]), int(sys.argv[2]), int(sys.argv[3])
 Renderer(1, 1).frame(Splats.empty(), 8)
 peaks = [peak_kib()]

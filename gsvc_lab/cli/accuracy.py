@@ -5,11 +5,11 @@ from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import positive, whole
+from gsvc_base.cli.arguments import positive, whole
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import duration, print_json, show, table
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli.files import STDIO, check_input, check_output
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import duration, print_json, show, table
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_lab.accuracy import AccuracyReport, Source
@@ -65,11 +65,11 @@ def run(arguments: Namespace) -> int:
         if page == STDIO:
             raise UsageError(f"the page goes to a file, such as -o {PAGE}")
         check_output(page, STDIO)
+    from gsvc_base.files import write_text
+    from gsvc_base.pages.markers import check_markers, put_between
     from gsvc_lab import accuracy
     from gsvc_lab.accuracy.groups import check_names
     from gsvc_lab.accuracy.tables import BEGIN, END
-    from gsvc_lab.pages.markers import check_markers, put_between
-    from gsvc_ref.files import write_text
 
     groups = accuracy.GROUP_NAMES if arguments.group is None else arguments.group
     check_names(groups)

@@ -6,14 +6,14 @@ from argparse import ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_base.cli.arguments import frame_range, size, whole
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import print_json, show, table
+from gsvc_base.errors import UsageError
 from gsvc_lab.cli.report import check_page
-from gsvc_ref.cli.arguments import frame_range, size, whole
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_input
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import print_json, show, table
 from gsvc_ref.cli.where import opened_workers
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_lab.bench.planes import PlanarClip

@@ -10,13 +10,14 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import size, whole
+from gsvc_base.cli.arguments import size, whole
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, duration, show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.encode_text import progress_callback, summary
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_ref.cli.files import describe_format
 from gsvc_ref.cli.info import bit_lines
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, duration, show
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_lab.pages.data import ReportData

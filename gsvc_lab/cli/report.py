@@ -5,12 +5,12 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import whole
-from gsvc_ref.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import STDIO, check_input, check_output, open_stream
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_lab.report.contents import Wanted

@@ -5,12 +5,12 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import size, whole
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
-from gsvc_ref.cli.files import STDIO, check_output, display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, print_json, show, table
-from gsvc_ref.errors import UsageError
+from gsvc_base.cli.arguments import size, whole
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import print_json, show, table
+from gsvc_base.errors import UsageError
+from gsvc_ref.cli.files import STDIO, check_output, describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_lab.scenes import Scene

@@ -11,16 +11,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.text import duration
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import write_text
+from gsvc_base.interrupts import termination_as_ctrl_c
 from gsvc_lab.experiments.elsewhere import make_elsewhere
 from gsvc_lab.experiments.experiment import Experiment, Run
 from gsvc_lab.experiments.figures import check_figures
 from gsvc_lab.experiments.markdown import write_document
 from gsvc_lab.experiments.page import page, write_narrow
 from gsvc_lab.experiments.results import read_all, record, write
-from gsvc_ref.cli.text import duration
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import write_text
-from gsvc_ref.interrupts import termination_as_ctrl_c
 
 NAMES: Final = (
     "splats",

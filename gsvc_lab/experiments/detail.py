@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
 
 BINS: Final = 10
 """Equal parts of the frame, from the least detailed pixels to the most detailed."""

@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+from gsvc_base.files import complete_file
 from gsvc_ref.encoder.cluster import opened_cluster
-from gsvc_ref.files import complete_file
 from gsvc_ref.processes import Processes
 
 Make = Callable[[str, argparse.Namespace], bool]

@@ -9,16 +9,16 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
-from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.prediction import pruning_as_many
 from gsvc_ref.encoder.report import Progress
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import ms_ssim
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
 from gsvc_ref.training import (
     KEPT_WEIGHT,

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from gsvc_lab.pages.tables import Table as Table
+from gsvc_base.pages.tables import Table as Table
 
 Holds = Literal["yes", "partly", "no", "cannot be compared"]
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4
+from gsvc_base.errors import UsageError
 from gsvc_lab.clips import as_frame, as_picture, resized
 from gsvc_lab.pages.schemes import in_both_schemes
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsvc_base.arrays import Frame
+from gsvc_base.splats import Splats
 from gsvc_lab.clips import as_picture
-from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, NEW_WEIGHT, Population, fit, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.coarse import Sizes
 

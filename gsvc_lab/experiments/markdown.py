@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.text import duration, plural
+from gsvc_base.files import write_text
+from gsvc_base.pages.tables import markdown_table
 from gsvc_lab.experiments.page import INTRODUCTION, TITLE
 from gsvc_lab.experiments.results import text_columns
-from gsvc_lab.pages.tables import markdown_table
-from gsvc_ref.cli.text import duration, plural
-from gsvc_ref.files import write_text
 
 LARGEST_FIGURE: Final = 60_000
 """Bytes of a figure that is kept with the sources."""

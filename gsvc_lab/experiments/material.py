@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from gsvc_base.arrays import Frame
 from gsvc_lab.clips import Clip, as_frame, file_clip, resized, uvg_clip, uvg_paths
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.scenes import photograph
-from gsvc_ref.arrays import Frame
 
 
 def given_clips(run: Run) -> list[Clip]:

@@ -5,11 +5,11 @@ from html import escape
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.text import duration, plural
+from gsvc_base.pages.page import document
+from gsvc_base.pages.tables import Markup, html_table
 from gsvc_lab.experiments.results import text_columns
 from gsvc_lab.pages.narrow import twin_source, write_twin
-from gsvc_lab.pages.page import document
-from gsvc_lab.pages.tables import Markup, html_table
-from gsvc_ref.cli.text import duration, plural
 
 TITLE: Final = "The paper's experiments"
 

@@ -6,6 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import Frame
+from gsvc_base.splats import Splats
 from gsvc_lab.clips import PAPER_SEQUENCES
 from gsvc_lab.experiments.change import Change
 from gsvc_lab.experiments.detail import BINS, Places, detail, places, ranks, spacing
@@ -13,11 +15,9 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
-from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr_from_mse
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, PruningSchedule
 
 SIZE: Final = (160, 96)

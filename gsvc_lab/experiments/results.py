@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from gsvc_base.cli.text import to_json
+from gsvc_base.errors import UsageError
+from gsvc_base.files import write_text
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run
 from gsvc_lab.machine import environment
-from gsvc_ref.cli.text import to_json
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import write_text
 from gsvc_ref.processes import processors
 
 FORMAT: Final = 1

@@ -5,14 +5,14 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, Final
 
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
-from gsvc_ref.arrays import Frame
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.training import FitSettings
 
 COUNTS: Final = (10, 100, 1000, 10_000)

@@ -8,12 +8,12 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.text import plural
 from gsvc_lab.clips import Clip, packaged_clip
 from gsvc_lab.experiments.encodes import Say, encoded, excerpt, held
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.material import given_clips
-from gsvc_ref.cli.text import plural
 from gsvc_ref.encoder import Settings
 from gsvc_ref.processes import processors
 

@@ -10,35 +10,14 @@ from typing import Final, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_lab.pages.tables import Table
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
+from gsvc_base.pages.page import Figure
+from gsvc_base.pages.tables import Table
 
 FrameType = Literal["I", "P", "R"]
 
 FRAME_TYPES: Final[tuple[FrameType, ...]] = get_args(FrameType)
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One more key number for the top of the page.
-
-    Attributes
-    ----------
-    label
-        Name of the number.
-    value
-        The number as text.
-    unit
-        Its unit, or nothing.
-    note
-        One short line below it, or nothing.
-    """
-
-    label: str
-    value: str
-    unit: str = ""
-    note: str = ""
 
 
 STATE_WORDS: Final = {"done": "done", "skipped": "left out", "off": "switched off"}

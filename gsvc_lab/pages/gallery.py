@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import U1, Frame
 from gsvc_lab.pages.charts import decibels, thousands
 from gsvc_lab.pages.data import Detail, FrameRecord, PictureRow, ReportData
 from gsvc_lab.pages.pictures import (
@@ -19,7 +20,6 @@ from gsvc_lab.pages.pictures import (
     splat_centres_picture,
     to_eight_bits,
 )
-from gsvc_ref.arrays import U1, Frame
 
 MAX_CENTRES_PIXELS: Final = 700_000
 """Pixels of a picture of splat centres, about; it has 1 to 4 times as many on a side as the frame."""

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, features
 
-from gsvc_ref.arrays import F8, U1, Frame
-from gsvc_ref.splats import Splats
+from gsvc_base.arrays import F8, U1, Frame
+from gsvc_base.splats import Splats
 
 DIFFERENCE_GAIN: Final = 8
 """Factor by which the difference picture amplifies."""

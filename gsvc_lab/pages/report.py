@@ -7,14 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.files import write_text
+from gsvc_base.pages.page import Figure, cards_section, document, notes_section
+from gsvc_base.pages.tables import Markup, html_table
 from gsvc_lab.pages.charts import color_classes, decibels, share_bar, thousands
-from gsvc_lab.pages.data import FRAME_TYPES, MAX_MARKS, Figure, ReportData, condensed
+from gsvc_lab.pages.data import FRAME_TYPES, MAX_MARKS, ReportData, condensed
 from gsvc_lab.pages.frame_charts import STATES, bits_chart, choices_chart, mark_symbol, psnr_chart
 from gsvc_lab.pages.gallery import pictures_section, preview_section
 from gsvc_lab.pages.glossary import WORDS, glossary
-from gsvc_lab.pages.page import cards_section, document, notes_section
-from gsvc_lab.pages.tables import Markup, html_table
-from gsvc_ref.files import write_text
 
 MAX_ROWS: Final = 500
 """Frames in the table of all frames, so that the page of a film stays small."""

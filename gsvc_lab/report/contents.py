@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Final, Literal
 
 import gsvc_ref
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import UsageError
 from gsvc_lab import machine
 from gsvc_lab.pages.data import Choice, FrameRecord, Layer, ReportData
 from gsvc_lab.pages.pictures import MAX_PREVIEW_FRAMES
@@ -15,10 +17,9 @@ from gsvc_lab.report.peers import Against, OnStep, against_x264
 from gsvc_ref.cli.compare import Side, open_side
 from gsvc_ref.cli.damage import all_gaps
 from gsvc_ref.cli.decisions import effects_line, stream_decisions
-from gsvc_ref.cli.text import describe_format, plural
+from gsvc_ref.cli.files import describe_format
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.encoder.log import OFF, Decision
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import FrameSummary, StreamSummary
 
 MAX_KEYS: Final = 2

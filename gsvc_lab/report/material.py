@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.arrays import Frame
+from gsvc_base.splats import Splats
 from gsvc_lab.pages.data import Detail, PictureRow
 from gsvc_lab.pages.pictures import MAX_PREVIEW_FRAMES
-from gsvc_ref.arrays import Frame
 from gsvc_ref.metrics import Comparison, compare_frames, psnr
 from gsvc_ref.metrics.comparison import FrameComparison
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import DecodedFrame, Gap, Stream
 from gsvc_ref.stream.decoder import rendered
 

@@ -5,13 +5,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.pages.tables import Table
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.tables import percent
-from gsvc_lab.pages.tables import Table
 from gsvc_lab.report.x264 import VARIANTS, X264, Peer, sample_frames, x264_at
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.cli.text import plural
-from gsvc_ref.errors import GsvcError, UsageError
 
 OnStep = Callable[[str, float, float | None], None]
 """Called with what is done, how much of it, and of how much (None: unknown)."""

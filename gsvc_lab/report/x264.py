@@ -8,11 +8,11 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import codecs
 from gsvc_lab.bench.codecs import CODECS, Variant
 from gsvc_lab.bench.planes import PlanarClip, from_any
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import open_video, to_rgb
 

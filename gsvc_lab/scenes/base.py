@@ -8,6 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4
+from gsvc_base.errors import GsvcError
+from gsvc_base.portable import cos, sin, total
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import (
     Checked,
@@ -23,9 +26,6 @@ from gsvc_lab.scenes.parameters import (
 from gsvc_lab.scenes.photographs import PHOTOGRAPHS, photograph
 from gsvc_lab.scenes.sampling import smoothed
 from gsvc_lab.scenes.seeds import generator
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.portable import cos, sin, total
 
 Color = tuple[float, float, float]
 

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 SCENE_PREFIX: Final = "scene:"
 """The beginning of a built-in scene's name where a video file might be named as well: ``scene:pan``."""

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import cos, sin
 from gsvc_lab.scenes.canvas import centres
 from gsvc_lab.scenes.sampling import read_at, read_grid, smoothed, spline_coefficients
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import cos, sin
 
 
 @dataclass(frozen=True)

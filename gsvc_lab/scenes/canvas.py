@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gsvc_ref.arrays import F8
+from gsvc_base.arrays import F8
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, U1
 from gsvc_lab.scenes.base import Base
 from gsvc_lab.scenes.description import Description
 from gsvc_lab.scenes.effect import (
@@ -22,7 +23,6 @@ from gsvc_lab.scenes.effect import (
     kind_of,
 )
 from gsvc_lab.scenes.seeds import generator
-from gsvc_ref.arrays import F4, F8, U1
 
 if TYPE_CHECKING:
     from gsvc_lab.scenes.camera import Camera, View

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import sin
 from gsvc_lab.scenes.camera import Camera, view
 from gsvc_lab.scenes.paths import gentle
 from gsvc_lab.scenes.photographs import photograph
 from gsvc_lab.scenes.shapes import Ball, paint_ball
-from gsvc_ref.draws import Draws
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import sin
 
 DEMO_FRAME_RATE: Final = Fraction(24)
 """Frames per second."""

@@ -9,6 +9,7 @@ from pathlib import Path
 from reprlib import repr as short
 from typing import Any, Final, Self
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes.base import Base
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import Effect, effect_class
@@ -23,7 +24,6 @@ from gsvc_lab.scenes.parameters import (
     text,
     whole,
 )
-from gsvc_ref.errors import UsageError
 
 MAX_PIXELS: Final = 2**25
 """Maximum number of pixels of a frame: 8192 x 4096."""

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from gsvc_base.arrays import F8
+from gsvc_base.portable import hypot
 from gsvc_lab.scenes.canvas import Canvas
-from gsvc_ref.arrays import F8
-from gsvc_ref.portable import hypot
 
 Box = tuple[float, float, float, float]
 """Left, top, right and bottom, in pixels."""

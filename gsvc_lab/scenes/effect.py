@@ -29,11 +29,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.draws import Draws
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.parameters import Checked
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.draws import Draws
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:  # an effect that needs neither imports neither
     from gsvc_lab.scenes.base import Base

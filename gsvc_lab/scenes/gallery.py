@@ -10,7 +10,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_lab.pages.page import document
+from gsvc_base.arrays import U1
+from gsvc_base.files import write_text
+from gsvc_base.pages.page import document
 from gsvc_lab.pages.pictures import animation_uri, png_uri
 from gsvc_lab.scenes.built_in import SCENE_PREFIX, scene_names, scene_text
 from gsvc_lab.scenes.clip import Clip
@@ -26,8 +28,6 @@ from gsvc_lab.scenes.ground_truth import truth
 from gsvc_lab.scenes.parameters import key_of, parameters
 from gsvc_lab.scenes.reference import as_toml, reference_object
 from gsvc_lab.scenes.scene import Scene
-from gsvc_ref.arrays import U1
-from gsvc_ref.files import write_text
 
 Progress = Callable[[str, float, float | None], None]
 

@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F8, U1
+from gsvc_base.arrays import F8, U1
 
 _CELL: Final = 4  # pixels in which two frames are compared
 _MISSED: Final = 1.5  # times the usual difference of two neighbours

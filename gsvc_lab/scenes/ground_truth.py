@@ -32,12 +32,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F8
+from gsvc_base.errors import UsageError
+from gsvc_base.files import check_parent, complete_file
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.clip import Clip
 from gsvc_lab.scenes.description import Description
-from gsvc_ref.arrays import F8
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import check_parent, complete_file
 
 Move = Callable[[F8, F8, Canvas, int], tuple[F8, F8] | None]
 

@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8
+from gsvc_base.portable import arctan2, cos, hypot, sin
 from gsvc_lab.scenes.distances import Box, polygon_distance
-from gsvc_ref.arrays import F8
-from gsvc_ref.portable import arctan2, cos, hypot, sin
 
 Corners = Sequence[tuple[float, float]]
 

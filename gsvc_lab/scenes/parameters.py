@@ -18,7 +18,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 MAX_FRAMES: Final = 1_000_000
 """Frames of a scene at most: more than nine hours at 30 frames per second."""

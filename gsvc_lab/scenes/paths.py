@@ -3,8 +3,8 @@
 import math
 from typing import Final
 
+from gsvc_base.portable import cos
 from gsvc_lab.scenes.parameters import ParameterError
-from gsvc_ref.portable import cos
 
 PACES: Final = ("even", "gentle")
 

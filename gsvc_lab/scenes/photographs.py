@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.errors import UsageError
 
 PHOTOGRAPHS: Final = ("astronaut", "chelsea", "coffee")
 """RGB photographs that every scikit-image wheel holds as PNG files, so that they read the same everywhere."""

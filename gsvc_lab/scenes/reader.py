@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
+from gsvc_base.arrays import Frame
 from gsvc_lab.scenes.clip import Clip
 from gsvc_lab.scenes.description import Description
-from gsvc_ref.arrays import Frame
 from gsvc_ref.video.format import ColorDescription, VideoFormat
 from gsvc_ref.video.stream import VideoReader
 

@@ -9,8 +9,8 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F8
-from gsvc_ref.portable import exp
+from gsvc_base.arrays import F8
+from gsvc_base.portable import exp
 
 _POLE: Final = math.sqrt(3) - 2
 """Pole of the recursive filters that find the coefficients of a cubic spline."""

@@ -7,10 +7,10 @@ from pathlib import Path
 from reprlib import repr as short
 from typing import TYPE_CHECKING, Final, Self
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes.built_in import SCENE_PREFIX, SCENE_SUFFIX, scene_names, scene_text
 from gsvc_lab.scenes.description import Description
 from gsvc_lab.scenes.parameters import ParameterError, key_of, parameters
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoReader

@@ -2,7 +2,7 @@
 
 from zlib import crc32
 
-from gsvc_ref.draws import Draws
+from gsvc_base.draws import Draws
 
 
 def generator(seed: int, name: str, *numbers: int) -> Draws:

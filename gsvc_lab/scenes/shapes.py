@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import hypot
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import hypot
 
 Color = tuple[float, float, float]
 

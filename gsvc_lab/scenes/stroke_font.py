@@ -11,9 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes.distances import segment_distance
-from gsvc_ref.arrays import F8
-from gsvc_ref.errors import UsageError
 
 Line = tuple[tuple[float, float], ...]
 

@@ -12,10 +12,10 @@ import numpy as np
 from PIL import Image
 
 import gsvc_ref
+from gsvc_base.arrays import U1
+from gsvc_base.cli.text import show
 from gsvc_lab.pages.pictures import splat_outlines_picture
 from gsvc_lab.scenes import DEMO_FRAME_RATE, demo_clip
-from gsvc_ref.arrays import U1
-from gsvc_ref.cli.text import show
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 OUTPUT: Final = Path("docs") / "splats.webp"

@@ -6,7 +6,7 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, Coder, Element
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST, TOO_LONG, UNDERFLOW, decode_golombs
 from gsvc_ref.bitstream.rules import broken

@@ -7,10 +7,10 @@ from typing import Any, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.coder import UV_LIMIT, Coder, Element, encode_uv
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST, golomb_bits
-from gsvc_ref.errors import UsageError
 
 
 class Writer(Coder):

@@ -5,10 +5,10 @@ from typing import Final, Literal, NoReturn, cast
 
 import numpy as np
 
-from gsvc_ref.arrays import U4
+from gsvc_base.arrays import U4
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.coder import Bytes, Coder, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
-from gsvc_ref.errors import UsageError
 
 MAGIC: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
 VERSION_MAJOR: Final = 128 + 1

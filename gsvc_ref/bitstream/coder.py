@@ -20,7 +20,7 @@ from typing import Any, Final, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
 
 CATEGORIES: Final = (
     "container",  # magic, version, chunk types, lengths and checksums

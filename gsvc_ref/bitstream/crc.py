@@ -5,9 +5,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.checks import door
+from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.checks import door
-from gsvc_ref.splats import Splats
 
 REFLECTED_POLYNOMIAL: Final = 0x82F63B78
 """1EDC6F41, the Castagnoli polynomial, with its bits in reverse order."""

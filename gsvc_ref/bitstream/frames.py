@@ -5,11 +5,11 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import U2
+from gsvc_base.arrays import U2
+from gsvc_base.constants import SMALLEST_NORMAL
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.planes import plane
-from gsvc_ref.constants import SMALLEST_NORMAL
 from gsvc_ref.paper import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
 from gsvc_ref.paper.codes import NO_QUANTIZER
 from gsvc_ref.paper.half import EXPONENT_MASK

@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8, I8
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8, I8
-from gsvc_ref.errors import UsageError
 
 MAX_UNITS: Final = 1 << 16
 """Units of the largest table (`entropy_precision` is at most 16)."""

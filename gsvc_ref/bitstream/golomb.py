@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 
 GOLOMB_ORDERS: Final = 16
 """Orders 0..15: `golomb_order` is a `u(4)`."""

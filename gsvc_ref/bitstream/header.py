@@ -4,9 +4,9 @@ from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import Coder
-from gsvc_ref.errors import UsageError
 
 
 @dataclass(frozen=True)

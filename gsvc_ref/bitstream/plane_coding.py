@@ -6,14 +6,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.frequencies import all_frequencies, log2_table
 from gsvc_ref.bitstream.golomb import golomb_sizes, golomb_totals
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import log2
 
 CONSTANT: Final = 0
 RAW: Final = 1

@@ -5,13 +5,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import I8, U2
+from gsvc_base.arrays import I8, U2
+from gsvc_base.checks import door
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.plane_coding import CODED, CONSTANT, RAW, PlaneCode, choose_plane_code
 from gsvc_ref.bitstream.rans import LOWEST_STATE, decode_kernel
-from gsvc_ref.checks import door
 
 NO_PLANE_CODE: Final = PlaneCode()
 """The elements that a Reader, which ignores values, is given."""

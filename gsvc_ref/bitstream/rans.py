@@ -9,9 +9,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.checks import door
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8, U2, U4
-from gsvc_ref.checks import door
 
 LOWEST_STATE: Final = 1 << 16
 """The state in which each lane of an encoder starts, and in which that of a decoder ends."""

@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from gsvc_ref.errors import ErrorKind, GsvcError
+from gsvc_base.errors import ErrorKind, GsvcError
 
 KINDS: Final[dict[ErrorKind, tuple[str, ...]]] = {
     "malformed": (

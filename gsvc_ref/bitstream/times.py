@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Final
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, Coder
-from gsvc_ref.errors import GsvcError, UsageError
 
 TIMES: Final = "t"
 """The ancillary chunk of time stamps."""

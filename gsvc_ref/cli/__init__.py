@@ -12,22 +12,17 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import Final
 
+from gsvc_base.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
+from gsvc_base.cli.parser import Parser, suggestion
+from gsvc_base.interrupts import termination_as_ctrl_c
 from gsvc_ref import __version__, plugins
-from gsvc_ref.cli.errors import EXIT_USAGE, guarded, prepare_streams, say
-from gsvc_ref.cli.parser import Parser, suggestion
-from gsvc_ref.interrupts import termination_as_ctrl_c
 
 MODULES: Final = {
     "encode": "gsvc_ref.cli.encode",
     "decode": "gsvc_ref.cli.decode",
-    "view": "gsvc_ref.cli.view",
     "info": "gsvc_ref.cli.info",
     "dump": "gsvc_ref.cli.dump",
     "compare": "gsvc_ref.cli.compare",
-    "concat": "gsvc_ref.cli.concat",
-    "cut": "gsvc_ref.cli.cut",
-    "import": "gsvc_ref.cli.splats_in",
-    "export": "gsvc_ref.cli.splats_out",
 }
 """The module of each command of this package."""
 

@@ -7,20 +7,21 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_layer, frame_range
+from gsvc_base.cli.arguments import add_layer, frame_range
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, plural, print_json, show, table
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.damage import describe_damage
-from gsvc_ref.cli.errors import EXIT_DATA, say
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
     check_input,
+    describe_format,
     display_name,
     holds_stream,
     open_stream,
 )
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, describe_format, plural, print_json, show, table
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.metrics import Comparison, FrameComparison

@@ -9,7 +9,7 @@ import gsvc_ref._compiler  # noqa: F401  (before Numba: it says what is wrong wi
 # isort: split
 from numba.core import event
 
-from gsvc_ref.cli.errors import say
+from gsvc_base.cli.errors import say
 
 COMPILE_EVENT: Final = "numba:compile"
 """Name of the event that Numba broadcasts when it compiles, and not when it finds a kernel in its cache."""

@@ -2,9 +2,9 @@
 
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.text import plural
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import CUT_RULE
-from gsvc_ref.cli.text import plural
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

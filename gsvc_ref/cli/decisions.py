@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from gsvc_ref.cli.text import plural, table
+from gsvc_base.cli.text import plural, table
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder.log import Decision
@@ -56,8 +56,8 @@ def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
 
 def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]":
     """The decisions in the log of a stream, and a note if there is none that can be read."""
+    from gsvc_base.errors import UsageError
     from gsvc_ref.encoder.log import read_log
-    from gsvc_ref.errors import UsageError
 
     again = "encode it again with gsvc encode, without --no-decisions"
     if summary.ancillary is None:

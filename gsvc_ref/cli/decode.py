@@ -8,9 +8,12 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
+from gsvc_base.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import per_second, plural, show
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.damage import Gaps, describe_damage
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
@@ -19,9 +22,6 @@ from gsvc_ref.cli.files import (
     display_name,
     open_stream,
 )
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import per_second, plural, show
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.stream import Stream
@@ -82,7 +82,7 @@ def run(arguments: Namespace) -> int:
     check_output(arguments.output, arguments.input, folder_allowed=True)
     _check_sound(arguments)
     try:
-        from gsvc_ref.interrupts import Interrupts
+        from gsvc_base.interrupts import Interrupts
 
         with Interrupts(patient=False, once=True):  # a terminal that is closed may send SIGHUP twice
             return _decode(arguments)

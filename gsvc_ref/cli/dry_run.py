@@ -4,11 +4,11 @@ from argparse import Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import duration, plural, print_json, show, to_json
 from gsvc_ref.cli.compilation import compilation_notice
 from gsvc_ref.cli.encode_text import describe_settings
-from gsvc_ref.cli.files import display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, duration, plural, print_json, show, to_json
+from gsvc_ref.cli.files import describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings

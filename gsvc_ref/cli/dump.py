@@ -4,13 +4,13 @@ import re
 from argparse import ArgumentTypeError, Namespace
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import frame_range
-from gsvc_ref.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.arguments import frame_range
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import show, to_json
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import STDIO, check_input, display_name
 from gsvc_ref.cli.info import error_object
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import show, to_json
-from gsvc_ref.errors import GsvcError, UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.stream.listing import Entry, Place
@@ -163,7 +163,7 @@ def _json(value: Any) -> str:
 
 def entry_object(entry: "Entry") -> dict[str, Any]:
     """An element, or a run of them, for JSON."""
-    from gsvc_ref.syntax import rules_of
+    from gsvc_base.syntax import rules_of
 
     value = entry.value
     told = {
@@ -184,7 +184,7 @@ def description_object(entry: "Entry") -> dict[str, Any]:
 
 def entry_line(entry: "Entry") -> str:
     """An element, or a run of them, in one line."""
-    from gsvc_ref.syntax import rules_of
+    from gsvc_base.syntax import rules_of
 
     rules = " ".join(rules_of(entry.syntax)) if entry.syntax else ""
     byte, bit = divmod(entry.bit, 8)
@@ -239,7 +239,7 @@ def _place_lines(place: "Place", bit: int) -> list[str]:
 
 def description_lines(entry: "Entry") -> list[str]:
     """What spec.md says about an element: descriptor, range, meaning, and the rules in full."""
-    from gsvc_ref.syntax import rules_of, syntax
+    from gsvc_base.syntax import rules_of, syntax
 
     about = entry.syntax
     if about is None:
@@ -251,7 +251,7 @@ def description_lines(entry: "Entry") -> list[str]:
 
 def fault_lines(fault: GsvcError, at_fault: "Entry | None") -> list[str]:
     """A fault, the element that it is about, and what spec.md says about that element and the rule."""
-    from gsvc_ref.syntax import syntax
+    from gsvc_base.syntax import syntax
 
     lines = [f"fault: {fault}"]
     told = description_lines(at_fault) if at_fault else []

@@ -5,16 +5,16 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
-from gsvc_ref.cli.arguments import add_force
+from gsvc_base.cli.arguments import add_force
+from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli.encode_options import add_options, make_settings
 from gsvc_ref.cli.encode_page import check_page, without_page, write_page
 from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
-from gsvc_ref.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
-from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import describe_format, plural, print_json, show
+from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, describe_format, display_name
 from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder, started_processes
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings

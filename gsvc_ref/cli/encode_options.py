@@ -3,7 +3,7 @@
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Final
 
-from gsvc_ref.cli.arguments import (
+from gsvc_base.cli.arguments import (
     amount,
     amount_of_bytes,
     finite,

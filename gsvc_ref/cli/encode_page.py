@@ -6,10 +6,10 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.errors import UsageError
 from gsvc_ref import plugins
-from gsvc_ref.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_ref.cli.files import STDIO, check_output
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport

@@ -5,10 +5,10 @@ from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import decibel, duration, plural, to_json
 from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.files import display_name
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import decibel, duration, plural, to_json
 from gsvc_ref.cli.time_left import GroupsTimeLeft, TimeLeft
 
 if TYPE_CHECKING:

@@ -6,16 +6,18 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import STREAM_SUFFIX
+from gsvc_base.cli.text import per_second, plural
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from gsvc_ref.stream import Stream
-    from gsvc_ref.video import Frame
+    from gsvc_ref.video import Frame, VideoFormat
 
+CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
 STDIO: Final = "-"
 FOREIGN_SUFFIXES: Final = frozenset((
     ".aac", ".apng", ".avi", ".avif", ".bmp", ".flac", ".flv", ".gif", ".h264", ".h265", ".hevc", ".html", ".ivf",
@@ -209,3 +211,19 @@ class CompleteFrames:
             raise StopIteration from None
         self.count += 1
         return frame
+
+
+def describe_format(video: "VideoFormat") -> str:
+    """A video's format in one line: size, number of frames, rate, bit depth, chroma format and colour."""
+    from gsvc_ref.video.format import MATRIX_NAMES
+
+    frames = f"{plural(video.frame_count, 'frame')}, " if video.frame_count is not None else ""
+    if video.chroma_format == "rgb":
+        color = ""
+    else:
+        name = MATRIX_NAMES.get(video.color.matrix, f"matrix {video.color.matrix}")
+        color = f", {name}, {'full' if video.color.full_range else 'limited'} range"
+    return (
+        f"{video.width}x{video.height}, {frames}{per_second(video.frame_rate)}, {video.bit_depth} bits, "
+        f"{CHROMA_NAMES[video.chroma_format]}{color}"
+    )

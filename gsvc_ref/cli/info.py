@@ -5,13 +5,13 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, Final
 
-from gsvc_ref.cli.arguments import add_max_level
+from gsvc_base.cli.arguments import add_max_level
+from gsvc_base.cli.errors import EXIT_DATA, say
+from gsvc_base.cli.text import frame_runs, plural, print_json, show, table
+from gsvc_base.errors import GsvcError
 from gsvc_ref.cli.damage import all_gaps, describe_damage
 from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
-from gsvc_ref.cli.errors import EXIT_DATA, say
-from gsvc_ref.cli.files import check_input, display_name, open_stream
-from gsvc_ref.cli.text import describe_format, frame_runs, plural, print_json, show, table
-from gsvc_ref.errors import GsvcError
+from gsvc_ref.cli.files import check_input, describe_format, display_name, open_stream
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream import SequenceHeader

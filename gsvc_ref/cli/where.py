@@ -6,9 +6,9 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
+from gsvc_base.errors import UsageError
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.cli.files import STDIO
-from gsvc_ref.errors import UsageError
-from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.processes import MOST_JOBS, Processes, check_jobs, processors
 
 

@@ -5,8 +5,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
 
 BLOCK: Final = 16
 """Side of a block in pixels."""

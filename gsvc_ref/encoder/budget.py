@@ -10,7 +10,9 @@ from copy import copy
 from dataclasses import dataclass
 from typing import Any, Final
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError
+from gsvc_base.portable import log2, power, total
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.curves import USUAL
@@ -19,10 +21,8 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.groups import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
-from gsvc_ref.portable import log2, power, total
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import AnyState, profile_of
 from gsvc_ref.video import VideoFormat

@@ -20,9 +20,9 @@ from importlib import import_module
 from queue import SimpleQueue
 from typing import Any, Final, ParamSpec, TypeVar
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.cluster_task import OtherCodeError, call, worker_code
-from gsvc_ref.errors import UsageError
 
 P = ParamSpec("P")
 R = TypeVar("R")

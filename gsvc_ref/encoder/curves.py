@@ -6,7 +6,7 @@ Lines that go through what was measured, with slopes from a second measurement o
 
 The sum of all errors is least for a given number of bits where one more bit buys as much in each group, which is where
 error + lambda bits of each group is least, with one lambda for all of them. All of this is computed with
-`gsvc_ref.portable`, so that a plan is the same on every machine.
+`gsvc_base.portable`, so that a plan is the same on every machine.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import F8
+from gsvc_base.arrays import F8
+from gsvc_base.portable import log2, power, total
 from gsvc_ref.paper import FrameType
-from gsvc_ref.portable import log2, power, total
 
 
 @dataclass(frozen=True)

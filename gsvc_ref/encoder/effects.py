@@ -3,8 +3,8 @@
 from dataclasses import dataclass, fields, replace
 from typing import Any, Final, Literal, Self, get_args, get_type_hints
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 
 Mode = Literal["auto", "all", "off"]
 """``auto``: where the scene calls for the effect; ``all``: on every frame; ``off``: nowhere."""

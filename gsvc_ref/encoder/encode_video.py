@@ -3,11 +3,11 @@
 from concurrent.futures import Executor
 from pathlib import Path
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder.encoder import encode_once
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, same_file
-from gsvc_ref.errors import UsageError
 from gsvc_ref.processes import check_jobs
 from gsvc_ref.video.format import FrameRate
 

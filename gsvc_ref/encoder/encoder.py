@@ -7,7 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import BinaryIO
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
@@ -24,8 +26,6 @@ from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.side_by_side import SideBySide
 from gsvc_ref.encoder.source_and_target import Source, Target, opened_source
 from gsvc_ref.encoder.times import SourceTimes
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.stream.pace import second_limits
 from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate

@@ -9,6 +9,8 @@ from shutil import copyfileobj
 from tempfile import TemporaryFile
 from typing import Any, BinaryIO, Generic, Protocol, TypeVar, cast
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.times import TIMES
@@ -26,8 +28,6 @@ from gsvc_ref.encoder.report import (
 from gsvc_ref.encoder.resume import ChangedSourceError
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields

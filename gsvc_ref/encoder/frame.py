@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, Frame
+from gsvc_base.arrays import F4, Frame
 from gsvc_ref.encoder.blocks import block_errors, errors_left
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.frame_settings import FrameSettings

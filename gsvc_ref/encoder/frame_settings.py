@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Self
 
-from gsvc_ref.checks import check_range, check_types
+from gsvc_base.checks import check_range, check_types
 from gsvc_ref.encoder.key_frames import GUARD_RATIO
 from gsvc_ref.training import (
     MAX_ITERATIONS,

@@ -15,7 +15,7 @@ from typing import Final, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, Frame
+from gsvc_base.arrays import F4, Frame
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining

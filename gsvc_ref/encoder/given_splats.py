@@ -6,12 +6,12 @@ from typing import Any, Final, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.constants import SMALLEST_NORMAL
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, I8
+from gsvc_base.constants import SMALLEST_NORMAL
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.paper.half import LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 Degenerate = Literal["refuse", "turn", "remove"]
 FrameOfSplats = Splats | ArrayLike | tuple[Splats | ArrayLike, ArrayLike]

@@ -21,7 +21,7 @@ from typing import Final, NamedTuple, Protocol, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import FrameCoder
 from gsvc_ref.encoder.frame_types import TypedFrame

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Final, Protocol, TypeVar
 
-from gsvc_ref.portable import log2, power
+from gsvc_base.portable import log2, power
 
 ENOUGH: Final = 0.1
 """A frame with at most so many dB more than asked for is not made coarser."""

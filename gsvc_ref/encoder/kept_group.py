@@ -12,12 +12,12 @@ from io import BytesIO
 from typing import Any, Final
 from uuid import UUID
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import END_TYPE, UUID_SIZE
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer
 from gsvc_ref.encoder.log import MAX_STEPS, Decision
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter

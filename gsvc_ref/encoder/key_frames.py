@@ -26,8 +26,8 @@ from collections.abc import Iterable, Sequence
 from fractions import Fraction
 from typing import Final, Literal, NamedTuple
 
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 
 Rule = Literal["paper", "robust"]
 

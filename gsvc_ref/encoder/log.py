@@ -12,8 +12,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder.effects import EFFECT_NAMES, EffectName, Effects
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import FrameType
 
 LOG_SIGNATURE: Final = b"LOG\x01"

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from typing import IO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
 from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen
 from gsvc_ref.encoder.report import EncodeReport
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics.libvmaf import vmaf
-from gsvc_ref.portable import log2
 from gsvc_ref.stream import decode
 
 MEASURES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}

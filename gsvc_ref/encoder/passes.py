@@ -9,14 +9,14 @@ from shutil import copyfileobj
 from tempfile import TemporaryFile
 from typing import IO, cast
 
+from gsvc_base.errors import UsageError
+from gsvc_base.files import opened_output
+from gsvc_base.portable import log2, power
 from gsvc_ref.encoder.encoder import LedBy, encode_once
 from gsvc_ref.encoder.report import EncodeReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
 from gsvc_ref.encoder.source_and_target import Target
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import opened_output
 from gsvc_ref.metrics.libvmaf import MIN_SIDE
-from gsvc_ref.portable import log2, power
 from gsvc_ref.video import VideoReader
 
 

@@ -11,7 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.blocks import MIN_ERROR, block_errors, block_pixels, worse_blocks
 from gsvc_ref.encoder.effects import Mode
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
@@ -19,7 +20,6 @@ from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW_WEIGHT,

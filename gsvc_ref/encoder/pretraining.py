@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, AnyFit, Population, fit, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.reduction import reduced
 

@@ -5,11 +5,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.portable import log2
 from gsvc_ref.bitstream import SequenceHeader, level_for
 from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.paper import FrameCodes, State
-from gsvc_ref.portable import log2
 from gsvc_ref.rendering import Objective
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.training import FitSettings, Population, RoundingSettings, psnr_of_loss, quantised

@@ -10,10 +10,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import power
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import power
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, AnyFit, OnIteration, Population, fit, new_splats, psnr_of_loss
 from gsvc_ref.training.coarse import Sizes
 

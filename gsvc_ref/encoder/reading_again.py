@@ -10,9 +10,9 @@ from typing import IO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder.source_and_target import Source, opened_source
-from gsvc_ref.errors import UsageError
 from gsvc_ref.plugins import source_by_prefix
 from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate

@@ -7,10 +7,10 @@ from typing import Self
 
 import numpy as np
 
+from gsvc_base.errors import ErrorKind, GsvcError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import ErrorKind, GsvcError
 from gsvc_ref.paper import FrameType
 
 

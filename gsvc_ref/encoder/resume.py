@@ -15,14 +15,14 @@ from typing import Any, BinaryIO, Final, Protocol
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.kept_group import GroupWriter, KeptGroup
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.video import VideoFormat
 
 ABOUT: Final = "encode.json"

@@ -9,9 +9,9 @@ from typing import Final, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.portable import log2, whole_power
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.portable import log2, whole_power
 
 STEP: Final = 64 / 255
 """A sharp edge is a difference of two neighbouring pixels by this part of the peak, in luma..."""

@@ -9,13 +9,13 @@ from itertools import pairwise
 from numbers import Integral
 from typing import Any, Final, Literal, Self
 
+from gsvc_base.checks import check_range, check_types
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.header import MOST_LAYERS
-from gsvc_ref.checks import check_range, check_types
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.frame_settings import ELEMENTS, DetectionSettings, FrameSettings
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision

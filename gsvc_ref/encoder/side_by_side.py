@@ -15,7 +15,7 @@ from queue import SimpleQueue
 from types import TracebackType
 from typing import Final, NamedTuple, Self
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run

@@ -11,9 +11,9 @@ from typing import Any, BinaryIO, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import NamingWriter, check_parent, opened_output, still_named, try_lock
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
+from gsvc_base.files import NamingWriter, check_parent, opened_output, still_named, try_lock
 from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
 from gsvc_ref.video.format import FrameRate, array_format, check_frame
 from gsvc_ref.video.stream import PassingReader

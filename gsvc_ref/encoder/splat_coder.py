@@ -12,7 +12,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, I8
+from gsvc_base.arrays import F4, I8
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import FrameElements
@@ -22,12 +25,9 @@ from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
 from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
-from gsvc_ref.portable import log2
 from gsvc_ref.rendering import Objective, Renderer, rendering_work
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss
 
 

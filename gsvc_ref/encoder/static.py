@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4
+from gsvc_base.constants import SUPPORT_RADIUS
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4
-from gsvc_ref.constants import SUPPORT_RADIUS
 from gsvc_ref.training import MIN_FACTOR
 
 

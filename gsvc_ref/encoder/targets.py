@@ -17,6 +17,8 @@ from functools import partial
 from tempfile import TemporaryFile
 from typing import IO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2, power, total
 from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
 from gsvc_ref.encoder.encoder import frame_count_of
@@ -26,9 +28,7 @@ from gsvc_ref.encoder.reading_again import Chosen, readable_again
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
-from gsvc_ref.portable import log2, power, total
 from gsvc_ref.video.format import FrameRate
 
 NEAR_TARGET: Final = 0.03

@@ -11,7 +11,7 @@ from fractions import Fraction
 from itertools import groupby, islice, pairwise, takewhile
 from typing import Final
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.video import VideoReader

@@ -16,7 +16,9 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.portable import log2, power
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import level_for
 from gsvc_ref.encoder.budget import header_so_far
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
@@ -27,9 +29,7 @@ from gsvc_ref.encoder.passes import splats_of
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.targets import NEAR_TARGET
-from gsvc_ref.portable import log2, power
 from gsvc_ref.rendering import rendering_work
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Final
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective, SampledObjective
 

@@ -3,6 +3,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any, BinaryIO, Final
 
+from gsvc_base.errors import UsageError
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.encoding import Encoding, completed
@@ -14,8 +16,6 @@ from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import KeyFrames, Settings
 from gsvc_ref.encoder.source_and_target import Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
-from gsvc_ref.errors import UsageError
-from gsvc_ref.interrupts import Interrupts
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.training import BlockSettings, FitSettings

@@ -4,8 +4,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.densities import cumulative_at
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import EXP2, LOGISTIC

@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
 from gsvc_ref.main.densities import Densities
 from gsvc_ref.paper import FrameType
 

@@ -7,8 +7,8 @@ from typing import Final, Literal, NamedTuple, get_args
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.state import SHEAR_STEPS, SIZE_STEPS
 from gsvc_ref.main.tables import EXP2, LAPLACE, LOGISTIC, exp2

@@ -10,10 +10,11 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.coder import ENTROPY_CODER, RUN_PARTS, Coder
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.cells import code_cells, halving_count
 from gsvc_ref.main.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
 from gsvc_ref.main.densities import (
@@ -36,7 +37,6 @@ from gsvc_ref.main.reconstruct import add_differences, colors_of, intra_state, p
 from gsvc_ref.main.state import classes, no_splats, to_splats
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 
 PARTS_IN_ORDER: Final = (*RUN_PARTS[MOTION:], *RUN_PARTS[:MOTION])
 """The parts of a run in the order of its passes."""

@@ -9,13 +9,13 @@ from typing import Final, cast
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import Body, MainState, frame_body
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 
 LAYER_TYPES: Final = (*b"IPR",)
 """The values of `layer_type`."""

@@ -6,8 +6,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.passes import TOTAL, Distributions, Run, magnitude_classes
 
 MODELS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.models import Models
 from gsvc_ref.main.passes import Run, magnitude_classes
 

@@ -5,9 +5,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, I8
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref.main import models, reconstruct
 from gsvc_ref.main import motion as fields
 from gsvc_ref.main import state as states

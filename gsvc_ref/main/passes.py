@@ -15,12 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8, U2, U4
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import log2
 
 PRECISION: Final = 14
 TOTAL: Final = 1 << PRECISION

@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.cells import CELL
 from gsvc_ref.main.codes import REMOVED, CodeArrays, IntraCodes
 from gsvc_ref.main.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, X_MOST, class_of

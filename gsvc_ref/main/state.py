@@ -9,10 +9,10 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, I8
+from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I8
 from gsvc_ref.main.tables import EXP2_FLOAT
-from gsvc_ref.splats import Splats
 
 X_MOST: Final = 2**25
 A_LEAST: Final = -3072

@@ -7,8 +7,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, I8
+from gsvc_base.errors import UsageError
 
 OCTAVE: Final = 1024
 """Steps of an exponent in one octave."""

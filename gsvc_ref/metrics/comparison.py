@@ -8,8 +8,8 @@ from fractions import Fraction
 from itertools import zip_longest
 from typing import Any
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter
 from gsvc_ref.metrics.squared_error import check_pair, mse, psnr_from_mse
 from gsvc_ref.metrics.ssim import ms_ssim, ms_ssim_scales

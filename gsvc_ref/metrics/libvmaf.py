@@ -23,8 +23,8 @@ from typing import IO, Final, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.metrics.squared_error import check_pair
 
 MODEL: Final = "vmaf_v0.6.1"

@@ -5,9 +5,9 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import log10
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log10
 
 MAX_PEAK: Final = 2**16 - 1
 

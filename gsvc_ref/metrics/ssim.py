@@ -29,8 +29,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F8, Frame
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8, Frame
 from gsvc_ref.metrics.squared_error import check_pair
 
 SCALE_WEIGHTS: Final = (0.0448, 0.2856, 0.3001, 0.2363, 0.1333)

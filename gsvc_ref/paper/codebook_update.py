@@ -11,10 +11,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper.half import from_half, to_half
 from gsvc_ref.paper.rvq import Indices, residuals
 

@@ -6,8 +6,8 @@ from typing import Any, Final, Literal, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F2, F4, U2
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F2, F4, U2
+from gsvc_base.errors import UsageError
 
 FrameType = Literal["I", "P", "R"]
 BlockKind = Literal["intra", "inter"]

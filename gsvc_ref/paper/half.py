@@ -6,9 +6,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
 
 LARGEST_HALF: Final = 65504.0
 """(2 - 2^-10) * 2^15, the largest finite binary16."""

@@ -9,7 +9,7 @@ The codes of a channel are 0..p with p = 2^b - 1::
 This is R-10.5-1 of spec.md. The paper's equation writes a floor where this rounds; rounding halves the largest error
 and is what the authors train.
 Every function takes all channels at once: x is (N, C), scale and offset are (C,), and channel c uses scale[c] and
-offset[c]. The plain forms are those of `gsvc_ref.spec`; `gradients_plain` fixes the order of the sums, too.
+offset[c]. The plain forms are those of `gsvc_base.spec`; `gradients_plain` fixes the order of the sums, too.
 """
 
 from typing import Final, NamedTuple
@@ -17,11 +17,11 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import F4 as F4
+from gsvc_base.arrays import F8 as F8
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4 as F4
-from gsvc_ref.arrays import F8 as F8
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
 
 Codes = NDArray[np.uint16]
 

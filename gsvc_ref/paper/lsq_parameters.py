@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, F8
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper.lsq import largest_code, lsq_quantize
 
 SCALE_FLOOR: Final = np.float32(2.0**-24)

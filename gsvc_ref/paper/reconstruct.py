@@ -6,14 +6,14 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import F4, I8, U2
+from gsvc_base.checks import door
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I8, U2
-from gsvc_ref.checks import door
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import lsq, rvq
 from gsvc_ref.paper.codes import NO_QUANTIZER, BlockKind, Codebooks, FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.paper.half import from_half
-from gsvc_ref.splats import Splats
 
 Columns = tuple[F4, F4, F4]
 """Positions (N, 2), Cholesky factors (N, 3) and colours (N, 3) of splats."""

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper.codebook_update import totals, updated
 from gsvc_ref.paper.half import LARGEST_HALF, from_half, to_half
 from gsvc_ref.paper.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, rvq_assign

@@ -6,8 +6,8 @@ in which order operations come where every bit is fixed, and `work` how much a f
 `pictures` and `losses` are single operations on pictures.
 """
 
-from gsvc_ref.constants import LN_255, SMALLEST_NORMAL
-from gsvc_ref.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL
+from gsvc_base.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
 from gsvc_ref.rendering.losses import Loss, loss
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.pictures import to_frame, to_frame_deterministic

@@ -10,12 +10,12 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.arrays import F4
+from gsvc_base.constants import HALF, ONE, SMALLEST_NORMAL, SUPPORT_SQUARED
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5
 from gsvc_ref.rendering.fast.sums import M_BLUE, M_GREEN, M_RED, M_U1, M_U1U1, M_U1U2, M_U2, M_U2U2, MOMENTS
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 
 def whitened(splat: F4, width: int, height: int) -> tuple[F4, F4, F4]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4, F8
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref.rendering.fast.tile_pictures import subtract_target, to_tiles, write_picture
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
 

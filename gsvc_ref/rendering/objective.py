@@ -3,8 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.rendering.fast.jobs import LOSS, LOSS_AND_GRADIENTS, PICTURE, Job
 from gsvc_ref.rendering.fast.rasterizer import Rasterizer
 from gsvc_ref.rendering.fast.regions import Regions
@@ -13,7 +14,6 @@ from gsvc_ref.rendering.fast.tile_pictures import to_tiles
 from gsvc_ref.rendering.fast.tiles import EMPTY
 from gsvc_ref.rendering.losses import total_loss
 from gsvc_ref.rendering.precision import Precision, check_precision
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 
 class Objective:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import frame_type
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import frame_type
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering.fast.tile_pictures import rounded
 
 

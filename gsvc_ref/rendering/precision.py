@@ -2,7 +2,7 @@
 
 from typing import Final, Literal, get_args
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 
 Precision = Literal["fast", "deterministic", "exact"]
 """

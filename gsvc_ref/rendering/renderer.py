@@ -5,17 +5,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import frame_type
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering import definition
+from gsvc_base.arrays import frame_type
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
+from gsvc_base.rendering import definition
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering.fast.jobs import FRAME, GRADIENTS, PICTURE, Job
 from gsvc_ref.rendering.fast.rasterizer import Rasterizer
 from gsvc_ref.rendering.fast.regions import Regions
 from gsvc_ref.rendering.fast.tiles import tile_count
 from gsvc_ref.rendering.pictures import to_frame
 from gsvc_ref.rendering.precision import Precision, check_precision
-from gsvc_ref.splats import Splats
 
 MAX_SIDE: Final = 65536
 """Pixels along a side that the renderer accepts; centres of pixels are then exact in binary32."""

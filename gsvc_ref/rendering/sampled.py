@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.errors import UsageError
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.precision import Precision
 

@@ -5,14 +5,14 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import I8
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import I8
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering.fast.projection import ProjectedSplats
 from gsvc_ref.rendering.fast.regions import Regions, leave_out_clean, mark_changed
 from gsvc_ref.rendering.fast.tiles import tile_count
 from gsvc_ref.rendering.precision import Precision
 from gsvc_ref.rendering.renderer import Renderer
-from gsvc_ref.splats import Splats
 
 REGION_ROWS: Final = 64
 """Rows of a region where only a part of a picture is rendered."""

@@ -5,11 +5,11 @@ from operator import index
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_base.arrays import F4
+from gsvc_base.checks import door
+from gsvc_base.constants import REACH, SMALLEST_NORMAL
+from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4
-from gsvc_ref.checks import door
-from gsvc_ref.constants import REACH, SMALLEST_NORMAL
-from gsvc_ref.splats import Splats
 
 
 @kernel()

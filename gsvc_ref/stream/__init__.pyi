@@ -1,8 +1,5 @@
 """What the package offers, by the module that each name comes from: type checkers read this, and so does `lazily`."""
 
-from gsvc_ref.stream.concatenation import concat as concat
-from gsvc_ref.stream.copying import ConcatReport as ConcatReport
-from gsvc_ref.stream.cutting import cut as cut
 from gsvc_ref.stream.decoded import DecodedFrame as DecodedFrame
 from gsvc_ref.stream.decoded import FrameSummary as FrameSummary
 from gsvc_ref.stream.decoded import Gap as Gap

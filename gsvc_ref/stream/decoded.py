@@ -3,14 +3,14 @@
 from dataclasses import dataclass, field, replace
 from typing import Final
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.errors import GsvcError
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.bitstream.times import FrameTimes
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.layers import Layers, joined_origins
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
 
 MAX_FAULTS: Final = 8

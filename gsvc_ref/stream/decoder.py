@@ -8,15 +8,15 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, Self
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats, scale_parameters
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.bitstream.times import FrameTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
 from gsvc_ref.rendering.fast.threads import thread_count
-from gsvc_ref.splats import Splats, scale_parameters
 from gsvc_ref.stream.ahead import read_ahead
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format

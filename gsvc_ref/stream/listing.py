@@ -9,13 +9,13 @@ from typing import Any, BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.errors import GsvcError
+from gsvc_base.syntax import Json, named
 from gsvc_ref.bitstream.chunks import FRAMES
 from gsvc_ref.bitstream.coder import Element
 from gsvc_ref.bitstream.golomb import golomb_sizes
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.reader import StreamReader
-from gsvc_ref.syntax import Json, named
 
 PAIR: Final = ("frame_number_step", "offset_step")
 ALONE: Final = ("cholesky_scale", "cholesky_offset")

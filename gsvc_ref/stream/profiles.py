@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import frame_codes
 from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct

@@ -7,10 +7,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Self
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.coder import Element, categories_of
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MOST_LAYERS, SequenceHeader
 from gsvc_ref.bitstream.times import TIMES, FrameTimes
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, LayerSummary, StreamSummary
 from gsvc_ref.stream.salvage import Salvage

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Final
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.rules import broken
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, DecodedChunk, Place, check_complete
 from gsvc_ref.stream.decoded import MAX_FAULTS, Gap
 from gsvc_ref.stream.source import SourceReader

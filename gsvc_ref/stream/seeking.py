@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream import chunks
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, Place
 from gsvc_ref.stream.whole_chunks import payload_end
 

@@ -7,9 +7,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import BinaryIO, Final, Self
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Element
-from gsvc_ref.errors import UsageError
 
 READ_AT_ONCE: Final = 1 << 20
 """Maximum number of bytes asked for at once: a length that a stream claims is never allocated before its bytes came."""

@@ -2,9 +2,9 @@
 
 from typing import Final
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.times import TIMES, FrameTimes
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.formats import video_format
 from gsvc_ref.stream.seeking import hop_over_window

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.checks import door
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.checks import door
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.paper import FrameCodes, SplatBlock

@@ -6,13 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import BinaryIO, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head

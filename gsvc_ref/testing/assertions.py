@@ -8,16 +8,16 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.errors import UsageError
-from gsvc_ref.rendering.bounds import exact_gradients_with_bound, frame_limits, render_exact_with_bound
-from gsvc_ref.splats import Splats
-from gsvc_ref.testing.random_streams import Stream
-from gsvc_ref.testing.training_bounds import (
+from gsvc_base.arrays import F4, F8
+from gsvc_base.errors import UsageError
+from gsvc_base.exact.training_bounds import (
     adan_step_with_bound,
     loss_with_bound,
     weighted_gradients_with_bound,
 )
+from gsvc_base.rendering.bounds import exact_gradients_with_bound, frame_limits, render_exact_with_bound
+from gsvc_base.splats import Splats
+from gsvc_ref.testing.random_streams import Stream
 
 CHANNEL_NAMES: Final = ("R", "G", "B")
 PARAMETERS: Final = ("x", "y", "l11", "l21", "l22", *CHANNEL_NAMES, "w")

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import TypeVar
 
-from gsvc_ref.draws import Draws
+from gsvc_base.draws import Draws
 
 T = TypeVar("T")
 

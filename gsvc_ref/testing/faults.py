@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import SequenceHeader, crc32c
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.profiles import AnyCodes

@@ -7,8 +7,8 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import DTypeLike, NDArray
 
+from gsvc_base.draws import Draws, Size
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.draws import Draws, Size
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing.choices import Choices

@@ -8,10 +8,11 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
+from gsvc_base.draws import Draws
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import MAIN, header_elements
-from gsvc_ref.draws import Draws
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
@@ -20,7 +21,6 @@ from gsvc_ref.main.layers import Layers
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import write_stream
 from gsvc_ref.testing.random_streams import ANY_SIZE_SPLATS, FEW_SPLATS, LEVEL1_PIXELS, Stream, make_header

@@ -6,10 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import U2
+from gsvc_base.arrays import U2
+from gsvc_base.draws import Draws
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
-from gsvc_ref.draws import Draws
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import (
     BlockKind,
     Codebooks,
@@ -22,7 +23,6 @@ from gsvc_ref.paper import (
     reconstruct,
 )
 from gsvc_ref.paper.half import EXPONENT_MASK
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing.choices import Choices, SeededChoices
 from gsvc_ref.testing.faults import LayersOfFrames, Lie, write_stream

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from hypothesis import strategies as st
 
-from gsvc_ref.arrays import F4, U2, Frame
-from gsvc_ref.draws import Draws
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
+from gsvc_base.arrays import F4, U2, Frame
+from gsvc_base.draws import Draws
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.testing.random_streams import SYMBOL_KINDS, paint_symbols
 
 HARD_NUMBERS = (0.0, -0.0, 2.0**-149, -(2.0**-149), 2.0**-127, 2.0**-126, 1.0, -1.0, 1e6, -1e6, 3e38, -3e38)

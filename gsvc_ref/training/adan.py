@@ -26,11 +26,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gsvc_base.arrays import F4, I8
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I8
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import log2
 
 State = tuple[F4, F4, F4, F4, I8]
 

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 NEW_WEIGHT: Final = float(np.float32(0.01))
 """Initial w of random splats, of I-frames and of GSA (10-27); the authors' value. The paper has "close to zero"."""

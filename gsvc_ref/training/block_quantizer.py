@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
 from gsvc_ref.paper import (
     Kept,
     LsqParameters,

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.edges import Edges
 from gsvc_ref.training.reduction import block_means

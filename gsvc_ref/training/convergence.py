@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 
 
 @dataclass(frozen=True)

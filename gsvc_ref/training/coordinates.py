@@ -42,9 +42,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import exp, log
 
 THIRD: Final = 1 / math.sqrt(3.0)
 HALF: Final = 1 / math.sqrt(2.0)

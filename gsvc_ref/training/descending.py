@@ -5,10 +5,10 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_ref.arrays import F8
-from gsvc_ref.portable import power
+from gsvc_base.arrays import F8
+from gsvc_base.portable import power
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT
 from gsvc_ref.training.coarse import Level, Sizes, step_for
 from gsvc_ref.training.coordinates import to_coordinates, to_parameters

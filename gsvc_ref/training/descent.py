@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8
 from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, LEAST_ENERGY, exp_kernel
 
 MEMORY: Final = 8

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8
+from gsvc_base.arrays import F4, F8
 from gsvc_ref.training.settings import BlockSettings
 
 Active = NDArray[np.bool_]

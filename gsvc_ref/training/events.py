@@ -7,8 +7,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.augmentation import KEPT_WEIGHT, residual_splats
 from gsvc_ref.training.population import Population
 from gsvc_ref.training.pruning import prune

@@ -3,10 +3,10 @@
 import math
 from typing import ClassVar
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.paper import FrameCodes, State, reconstruct
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.frame_quantizer import FrameQuantizer
 from gsvc_ref.training.loop import OnIteration, minimise

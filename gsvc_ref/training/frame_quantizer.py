@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
 from gsvc_ref.paper import FrameCodes, Kept, Quantizer, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned, fixed_steps

@@ -21,9 +21,9 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import exp
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.portable import exp
 from gsvc_ref.training.coordinates import exp_kernel
 
 TOLERANCE: Final = 0.01

@@ -8,9 +8,9 @@ from typing import ClassVar, Final, Protocol
 
 import numpy as np
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.events import Events
 from gsvc_ref.training.settings import FitSettings

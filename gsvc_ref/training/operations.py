@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.checks import door
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.checks import door
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.schedule import StepDecay

@@ -6,9 +6,9 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.training.adan import Adan
 from gsvc_ref.training.augmentation import augment
 from gsvc_ref.training.pruning import compact

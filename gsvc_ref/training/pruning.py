@@ -6,9 +6,9 @@ from typing import Final, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.checks import check_types, door
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.checks import check_types, door
+from gsvc_base.errors import UsageError
 
 SETTLING: Final = 0.8
 """Maximum fraction of the iterations up to the last removal; the survivors settle in the others. Ours."""

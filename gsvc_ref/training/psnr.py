@@ -2,7 +2,7 @@
 
 import math
 
-from gsvc_ref.portable import log10, power
+from gsvc_base.portable import log10, power
 
 
 def psnr_of_loss(loss: float) -> float:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from gsvc_base.arrays import F4
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4
 
 
 def reduced(picture: F4, longest_side: int | None) -> F4:

@@ -4,9 +4,9 @@ import math
 from dataclasses import dataclass
 from typing import Final, Protocol
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
-from gsvc_ref.portable import cos, whole_power
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
+from gsvc_base.portable import cos, whole_power
 
 
 class Schedule(Protocol):

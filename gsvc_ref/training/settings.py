@@ -6,9 +6,9 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.training.adan import AdanSettings
 from gsvc_ref.training.convergence import Convergence

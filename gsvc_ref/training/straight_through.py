@@ -7,8 +7,8 @@ These kernels go splat by splat and make no codes in between. Forward they are t
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.paper.half import LARGEST_HALF, nearest_half
 from gsvc_ref.paper.rvq import Indices, nearest_codewords
 

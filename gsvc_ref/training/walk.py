@@ -9,9 +9,9 @@ from typing import Final, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import exp
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import exp
 from gsvc_ref.training.coordinates import (
     HALF,
     ROOT,

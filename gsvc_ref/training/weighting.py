@@ -5,10 +5,10 @@ A splat in training is a row of nine values: the columns of `Splats.to_array`, t
 
 import numpy as np
 
+from gsvc_base.arrays import F4
+from gsvc_base.checks import door
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4
-from gsvc_ref.checks import door
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 WEIGHT = PARAMETERS_PER_SPLAT
 """The column of w."""

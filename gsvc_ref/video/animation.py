@@ -7,9 +7,9 @@ from typing import Any, Final
 import numpy as np
 from PIL import Image, features
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError, naming
-from gsvc_ref.files import PartialFile
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError, naming
+from gsvc_base.files import PartialFile
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
 

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import I8
+from gsvc_base.arrays import I8
 from gsvc_ref.video.format import VideoFormat
 
 PHASE_OF_COLUMNS: Final = (0, 1, 0, 1, 0, 1)

@@ -16,11 +16,11 @@ from typing import Final, NamedTuple, get_args
 
 import numpy as np
 
+from gsvc_base.arrays import F8, I8, Frame
+from gsvc_base.arrays import Plane as Plane
+from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F8, I8, Frame
-from gsvc_ref.arrays import Plane as Plane
-from gsvc_ref.checks import door
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video.chroma import down_taps, phases, up_taps
 from gsvc_ref.video.format import (
     MATRIX_NAMES,

@@ -6,9 +6,9 @@ from typing import Any, Final, Literal, get_args
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame as Frame
-from gsvc_ref.checks import check_whole
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame as Frame
+from gsvc_base.checks import check_whole
+from gsvc_base.errors import GsvcError, UsageError
 
 ChromaFormat = Literal["rgb", "420", "422", "444"]
 

@@ -13,9 +13,9 @@ import numpy as np
 from PIL.Image import Transpose
 from PIL.JpegImagePlugin import JpegImageFile
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile, check_parent, remove_leftover
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError, naming
+from gsvc_base.files import PartialFile, check_parent, remove_leftover
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.color import to_rgb
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,

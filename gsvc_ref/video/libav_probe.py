@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
 
 if TYPE_CHECKING:
     import av

@@ -11,9 +11,9 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import UsageError, naming
-from gsvc_ref.files import PartialFile
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import UsageError, naming
+from gsvc_base.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, to_planes
 from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
 from gsvc_ref.video.libav import import_av

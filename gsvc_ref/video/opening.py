@@ -4,8 +4,8 @@ import sys
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import STREAM_SUFFIX
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix, source_by_suffix
 from gsvc_ref.video import y4m
 from gsvc_ref.video.format import VideoFormat

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 from PIL.PngImagePlugin import PngImageFile
 
+from gsvc_base.arrays import I2, U1, Frame
+from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I2, U1, Frame
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
 PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"

@@ -11,8 +11,8 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.format import MAX_DIMENSION, MAX_PIXELS, FrameRate, exact_frame_rate
 from gsvc_ref.video.stream import PassingReader, VideoReader
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Final, Protocol, Self
 
-from gsvc_ref.arrays import Frame
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.format import VideoFormat, check_frame
 
 

@@ -8,9 +8,9 @@ from typing import BinaryIO, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import Frame, Plane
-from gsvc_ref.errors import GsvcError, UsageError, naming
-from gsvc_ref.files import PartialFile
+from gsvc_base.arrays import Frame, Plane
+from gsvc_base.errors import GsvcError, UsageError, naming
+from gsvc_base.files import PartialFile
 from gsvc_ref.video.color import conversion, to_planes, to_rgb
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import VideoReader, VideoWriter

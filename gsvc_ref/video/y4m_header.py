@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Final, Literal, cast
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,
     ChromaFormat,

@@ -1,1 +1,1 @@
-"""The commands of ``gsvc`` that gsvc_tools adds."""
+"""The commands of ``gsvc`` that gsvc_tools adds: ``view``, ``concat``, ``cut``, ``import`` and ``export``."""

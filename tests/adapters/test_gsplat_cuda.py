@@ -7,11 +7,11 @@ torch = pytest.importorskip("torch", reason="the double of the rasteriser needs 
 
 import gsplat_double as double  # noqa: E402
 
+from gsvc_base.errors import UsageError  # noqa: E402
 from gsvc_conformance.implementations import load_module  # noqa: E402
 from gsvc_conformance.results import FAULTS  # noqa: E402
 from gsvc_conformance.runner import run_suite  # noqa: E402
 from gsvc_conformance.waivers import read_waivers  # noqa: E402
-from gsvc_ref.errors import UsageError  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -5,10 +5,10 @@ import importlib
 import numpy as np
 import pytest
 
+from gsvc_base.draws import Draws
 from gsvc_conformance import spec
 from gsvc_conformance.adapters import main_frames, main_operations
 from gsvc_conformance.cases.main_streams import Plan, main_stream
-from gsvc_ref.draws import Draws
 from gsvc_ref.testing.random_main_streams import random_main_stream
 
 

@@ -10,11 +10,11 @@ pytest.importorskip("playwright", reason="Playwright is one of the extra adapter
 
 import web_pages
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
 from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_ref import spec
-from gsvc_ref.draws import Draws
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import random_main_stream
 from tests.adapters.test_web_operations import damaged, in_base64

@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.golomb import golomb_sizes
 from gsvc_ref.bitstream.plane_coding import best_golomb_order
-from gsvc_ref.errors import GsvcError, UsageError
 
 UV_EXAMPLES = [(0, "00"), (127, "7f"), (128, "8001"), (16383, "ff7f"), (16384, "808001"), (2**32 - 1, "ffffffff0f")]
 EG_EXAMPLES = [

@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.splats import Splats
 from gsvc_ref import spec
 from gsvc_ref.bitstream import crc32c, parameter_checksum
 from gsvc_ref.bitstream.crc import ZERO_TABLES, crc32c_of_part, registers
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing import splat_sets
 
 # RFC 3720, appendix B.4, and the check value of the CRC catalogues.

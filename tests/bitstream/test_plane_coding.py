@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.plane_coding import CODED, CONSTANT, RAW, choose_plane_code
 from gsvc_ref.bitstream.planes import plane as plane_syntax
-from gsvc_ref.errors import UsageError
 from gsvc_ref.testing import Plane, planes
 
 

@@ -6,11 +6,11 @@ from fractions import Fraction
 import pytest
 from hypothesis import given
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import sequence_header
-from gsvc_ref.errors import UsageError
 from gsvc_ref.testing import OVERVIEW_HEADER, headers
 
 

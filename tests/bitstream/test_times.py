@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import times as module
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.times import FrameTimes, read_times, write_times
-from gsvc_ref.errors import UsageError
 
 RATE = Fraction(25)
 runs = st.lists(st.tuples(st.integers(1, 300), st.integers(1, 2**32 - 1)), max_size=5)

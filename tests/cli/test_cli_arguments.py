@@ -4,10 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.cli.arguments import finite, frame_range, key_frames, positive, size, whole
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli import main
-from gsvc_ref.cli.arguments import finite, frame_range, key_frames, positive, size, whole
 from gsvc_ref.cli.files import check_stream_name
-from gsvc_ref.errors import UsageError
 
 numbers = st.integers(0, 10**9 - 1)
 

@@ -10,8 +10,8 @@ from conftest import QUICK, video_format, write_clip
 from PIL import Image
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
 
 FULL_DISK = Path("/dev/full")
 

@@ -11,7 +11,8 @@ from test_cli_progress import Terminal
 
 import gsvc_ref
 import gsvc_ref.video
-from gsvc_ref.cli import main, progress
+from gsvc_base.cli import progress
+from gsvc_ref.cli import main
 from gsvc_ref.video import ColorDescription, encode_png, open_video
 from gsvc_ref.video.y4m import Y4mReader
 

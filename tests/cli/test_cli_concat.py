@@ -13,9 +13,12 @@ import pytest
 from conftest import QUICK
 
 import gsvc_ref
-from gsvc_ref.cli import concat, main
+import gsvc_tools.editing
+from gsvc_base.files import opened_output
+from gsvc_ref.cli import main
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
+from gsvc_tools.cli import concat
 
 OVERVIEW = write_stream(OVERVIEW_HEADER, overview_frames())
 
@@ -154,11 +157,11 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
     out.write_bytes(b"an older file")
 
     def interrupted(*arguments, **options):
-        with gsvc_ref.files.opened_output(out) as file:
+        with opened_output(out) as file:
             file.write(b"half")
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(gsvc_ref, "concat", interrupted)
+    monkeypatch.setattr(gsvc_tools.editing, "concat", interrupted)
     assert main(["concat", *map(str, parts), "-o", str(out)]) == 130
     assert capsys.readouterr().err == "gsvc concat: interrupted; nothing was written\n"
     assert out.read_bytes() == b"an older file"
@@ -168,7 +171,7 @@ def test_ctrl_c_leaves_the_old_file(parts, tmp_path, monkeypatch, capsys):
 KILLED = """
 import itertools, os, signal, sys
 import gsvc_ref
-from gsvc_ref.stream import copying
+from gsvc_tools.editing import copying
 steps, write = itertools.count(), copying.write_all
 def killing(target, data):
     if next(steps) == int(sys.argv[1]):

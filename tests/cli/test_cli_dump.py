@@ -311,9 +311,9 @@ def test_output_that_nobody_reads(dump, save, monkeypatch):
 def test_progress_is_shown_on_a_terminal(save, monkeypatch, capsys):
     """Of a long listing whose lines go to a file."""
     shown = []
-    monkeypatch.setattr("gsvc_ref.cli.progress.DELAY_S", 0.0)
-    monkeypatch.setattr("gsvc_ref.cli.progress.INTERVAL_S", 0.0)
-    monkeypatch.setattr("gsvc_ref.cli.progress.ProgressDisplay._show", lambda _, text, share: shown.append(share))
+    monkeypatch.setattr("gsvc_base.cli.progress.DELAY_S", 0.0)
+    monkeypatch.setattr("gsvc_base.cli.progress.INTERVAL_S", 0.0)
+    monkeypatch.setattr("gsvc_base.cli.progress.ProgressDisplay._show", lambda _, text, share: shown.append(share))
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     assert main(["dump", str(save(RICH))]) == 0
     assert shown == sorted(shown)

@@ -2,8 +2,8 @@ import errno
 
 import pytest
 
-from gsvc_ref.cli.errors import guarded
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.cli.errors import guarded
+from gsvc_base.errors import GsvcError, UsageError
 
 
 def raising(error):

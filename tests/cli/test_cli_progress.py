@@ -3,7 +3,7 @@ import sys
 
 import pytest
 
-from gsvc_ref.cli.progress import DELAY_S, INTERVAL_S, PlainLine, ProgressDisplay, RichLine, open_line
+from gsvc_base.cli.progress import DELAY_S, INTERVAL_S, PlainLine, ProgressDisplay, RichLine, open_line
 
 
 class Terminal(io.StringIO):

@@ -7,7 +7,7 @@ import pytest
 
 import gsvc_ref
 from gsvc_ref.cli import main
-from gsvc_ref.splat_files import from_gaussians, read_ply, to_gaussians, write_ply
+from gsvc_tools.splat_files import from_gaussians, read_ply, to_gaussians, write_ply
 
 W, H = 40, 30
 

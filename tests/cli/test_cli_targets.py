@@ -4,8 +4,8 @@ import json
 
 import pytest
 
+from gsvc_base.cli.arguments import amount, amount_of_bytes, scale
 from gsvc_ref.cli import main
-from gsvc_ref.cli.arguments import amount, amount_of_bytes, scale
 
 FEW = ["--key-frames", "2", "--threads", "1"]
 

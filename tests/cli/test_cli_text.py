@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.cli.text import decibel, describe_format, duration, frame_runs, per_second, plural, table, to_json
+from gsvc_base.cli.text import decibel, duration, frame_runs, per_second, plural, table, to_json
+from gsvc_ref.cli.files import describe_format
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 

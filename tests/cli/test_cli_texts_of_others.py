@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.cli.text import printable
 from gsvc_ref.cli import main
-from gsvc_ref.cli.text import printable
 
 ROOT = Path(__file__).parents[2]
 COMMANDS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
@@ -39,6 +39,7 @@ def test_all_that_commands_print_goes_through_one_function():
     """So that nothing added later lets a terminal be commanded."""
     sources = [
         *ROOT.glob("gsvc_ref/cli/*.py"),
+        *ROOT.glob("gsvc_tools/cli/*.py"),
         *ROOT.glob("conformance/gsvc_conformance/commands/*.py"),
         ROOT / "conformance/gsvc_conformance/__main__.py",
     ]

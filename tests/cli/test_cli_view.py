@@ -1,4 +1,4 @@
-"""``gsvc view``: what it says, what it refuses, and that it ends with Ctrl-C. tests/viewing has the server."""
+"""``gsvc view``: what it says, what it refuses, and that it ends with Ctrl-C. tests/tools/viewing has the server."""
 
 import os
 import signal
@@ -10,8 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from gsvc_ref.cli import main, view
-from gsvc_ref.viewing import server
+from gsvc_ref.cli import main
+from gsvc_tools.cli import view
+from gsvc_tools.viewing import server
 
 TIMEOUT_S = 120
 START = """

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from gsvc_base.rendering.bounds import additions, gamma
+from gsvc_base.splats import Splats
 from gsvc_conformance.operation import operations
 from gsvc_ref.rendering import exact_gradients_with_bound, render_gradients
-from gsvc_ref.rendering.bounds import additions, gamma
-from gsvc_ref.splats import Splats
 
 F4 = np.float32
 SIZES = {"161x161": (161, 161), "1920x1080": (1080, 1920), "3840x2160": (2160, 3840), "33000x3": (3, 33000)}

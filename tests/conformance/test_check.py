@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from gsvc_base.errors import GsvcError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.cases.faults import overview, rich
 from gsvc_conformance.commands import check
@@ -13,7 +14,6 @@ from gsvc_conformance.diagnosis.streams import element_at
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import VECTORS
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.testing import Lie
 
 

@@ -8,6 +8,7 @@ import pytest
 import toy_operations
 from toy_operations import judge, module
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.case import cases
 from gsvc_conformance.cases.faults import overview
@@ -21,7 +22,6 @@ from gsvc_conformance.report.page import report_html
 from gsvc_conformance.results import OutputResult, Report, Result
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import sums_of
-from gsvc_ref.errors import UsageError
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vector set": "1"}
 SET = "GSVC vectors 1 (sha256 18fb5299…)"

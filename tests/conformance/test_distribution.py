@@ -1,7 +1,6 @@
 """gsvc-conformance as others install it: from a wheel, an sdist or a checkout, with NumPy alone, in another folder."""
 
 import ast
-import importlib.util
 import os
 import shutil
 import subprocess
@@ -13,11 +12,9 @@ from pathlib import Path
 import pytest
 
 from gsvc_conformance.commands import sets
-from gsvc_ref.errors import GsvcError, UsageError
 
 ROOT = Path(__file__).parents[2]
 KIT = ROOT / "conformance" / "gsvc_conformance"
-BESIDE = {"numpy", "gsvc_ref", "gsvc_lab", "gsvc_conformance", *sys.stdlib_module_names}
 LARGEST_WHEEL = 8_000_000
 
 pytest.importorskip("hatchling", reason="the build hook is one of hatchling")
@@ -25,15 +22,6 @@ pytest.importorskip("hatchling", reason="the build hook is one of hatchling")
 
 HOSTED = {"fluster_decoder.py": "fluster", "pytest_vectors.py": "pytest"}
 """Modules that only their host loads."""
-
-
-@pytest.fixture(scope="module")
-def hook():
-    """The module of the build hook."""
-    spec = importlib.util.spec_from_file_location("hatch_build", ROOT / "conformance" / "hatch_build.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def imported_at_the_top(path):
@@ -45,55 +33,20 @@ def imported_at_the_top(path):
             yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
 
 
-def test_what_judges_imports_numpy_alone(hook):
-    judging = [path for path in hook.judging(ROOT) if "adapters" not in path.parts]
-    lent = [hook.path_of(ROOT, module) for module in hook.borrowed(ROOT)]
+def test_what_judges_imports_numpy_alone():
+    making = {*(KIT / "cases").glob("[!_]*.py"), KIT / "streams.py"}
+    judging = {path for path in KIT.rglob("*.py") if "adapters" not in path.parts} - making
+    own = {"numpy", "gsvc_base", "gsvc_conformance", *sys.stdlib_module_names}
     others = {
         (path.name, name)
-        for path in (*judging, *lent)
+        for path in (*judging, *(ROOT / "gsvc_base").rglob("*.py"))
         for name in imported_at_the_top(path)
-        if name.partition(".")[0] not in {*BESIDE, HOSTED.get(path.name)}
+        if name.partition(".")[0] not in {*own, HOSTED.get(path.name)}
     }
-    assert others == set(), "import it in the function that needs it, or add the module to MAKING in hatch_build.py"
-    assert "gsvc_ref.spec" in hook.borrowed(ROOT)
-
-
-def test_what_judges_imports_nothing_that_makes_vectors(hook):
-    home = ROOT / "conformance"
-    making = {
-        ".".join(path.relative_to(home).with_suffix("").parts) for pattern in hook.MAKING for path in KIT.glob(pattern)
-    }
-    assert {"gsvc_conformance.streams", "gsvc_conformance.cases.rendering"} < making
-    assert {name for path in hook.judging(ROOT) for name in imported_at_the_top(path)} & making == set()
-
-
-def test_lines_keep_their_numbers(hook):
-    for path in hook.judging(ROOT):
-        before, after = path.read_text(encoding="utf-8").splitlines(), hook.rewritten(path).splitlines()
-        changed = [(old, new) for old, new in zip(before, after, strict=True) if old != new]
-        assert all(new == old.replace("from ", "from gsvc_conformance.borrowed.") for old, new in changed)
-        assert not any(name.startswith(("gsvc_ref", "gsvc_lab")) for name in imported_from("\n".join(after)))
-
-
-def imported_from(text):
-    """The modules of ``from`` statements at the top of a text."""
-    return [node.module for node in ast.parse(text).body if isinstance(node, ast.ImportFrom)]
-
-
-@pytest.mark.parametrize("installed", [True, False])
-def test_errors_are_those_of_an_installed_gsvc_ref(hook, monkeypatch, installed):
-    if not installed:
-        monkeypatch.setitem(sys.modules, "gsvc_ref.errors", None)  # so that importing it fails
-    names = {"__name__": "copy"}
-    exec(hook.rewritten(ROOT / "gsvc_ref" / "errors.py") + hook.SAME_CLASSES, names)
-    assert (names["UsageError"] is UsageError, names["GsvcError"] is GsvcError) == (installed, installed)
-    assert issubclass(names["UsageError"], ValueError)
-
-
-def test_an_import_that_would_name_the_copy_is_refused(hook, tmp_path):
-    (tmp_path / "x.py").write_text("import gsvc_ref.spec\n")
-    with pytest.raises(ValueError, match=r"x\.py, line 1"):
-        list(hook.lent(tmp_path / "x.py", ROOT))
+    assert others == set(), "import it in the function that needs it"
+    names = {".".join(path.relative_to(KIT.parent).with_suffix("").parts) for path in making}
+    assert {"gsvc_conformance.streams", "gsvc_conformance.cases.rendering"} < names
+    assert {name for path in judging for name in imported_at_the_top(path)} & names == set()
 
 
 # What follows builds, and installs into fresh environments.
@@ -121,7 +74,7 @@ def checkout(tmp_path_factory):
     """A copy of what a build needs, with a set of the vectors."""
     home = tmp_path_factory.mktemp("checkout")
     leave_out = shutil.ignore_patterns("__pycache__", ".*", "sets")
-    for name in ("conformance", "gsvc_ref", "gsvc_lab", "vectors"):
+    for name in ("conformance", "gsvc_base", "vectors"):
         shutil.copytree(ROOT / name, home / name, ignore=leave_out)
     for name in ("spec.md", "LICENSE"):
         shutil.copy(ROOT / name, home)
@@ -183,7 +136,7 @@ def elsewhere(built, tmp_path_factory):
 def test_the_size_of_the_wheel_and_what_is_in_it(built):
     assert built["wheel"].stat().st_size <= LARGEST_WHEEL
     names = zipfile.ZipFile(built["wheel"]).namelist()
-    assert {"vectors.zip", "protocol.md", "examples/minimal.c", "LICENSE", "borrowed/gsvc_ref/spec.md"} <= {
+    assert {"vectors.zip", "protocol.md", "examples/minimal.c", "LICENSE", "bundled/gsvc_base/spec.md"} <= {
         name.removeprefix("gsvc_conformance/") for name in names
     }
     assert len(names) == len(set(names))

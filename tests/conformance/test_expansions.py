@@ -6,10 +6,8 @@ import mpmath
 import numpy as np
 import pytest
 
-from gsvc_conformance.elementary import exp, log, power
-from gsvc_conformance.operation import operations
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import (
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import (
     COMPONENT_COUNTS,
     Expansion,
     certain,
@@ -21,6 +19,8 @@ from gsvc_ref.testing.expansions import (
     two_sum,
     where,
 )
+from gsvc_conformance.elementary import exp, log, power
+from gsvc_conformance.operation import operations
 
 COUNT = 40
 BITS = 1500

@@ -10,6 +10,7 @@ import toy_operations
 from test_claims import at_level
 from toy_operations import judge, module, outcomes
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import Features, features_of, most_splats, read_features, stated_header
@@ -20,7 +21,6 @@ from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import reconstruct_stream
 
 FULL = """

@@ -6,12 +6,12 @@ import sys
 
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance import generate
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.coverage import coverage_page
 from gsvc_conformance.sets import digest, list_of
 from gsvc_conformance.vector import SUMS, VECTORS, set_hash, write
-from gsvc_ref.errors import UsageError
 
 NAMES = (
     "core/render_sum/a_splat_in_the_middle",

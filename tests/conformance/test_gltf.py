@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
+from gsvc_base.constants import LN_255
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.gltf import EXTENSION, MAX_CHANGE, export, left_out, pictures, stored
 from gsvc_conformance.making import make_vector
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector import read as read_vector
-from gsvc_ref.constants import LN_255
 
 SELECTION = ("core/render_sum/*", "core/render_frame/*", "uncommon/render_sum/*")
 WIDTHS = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 import gsvc_conformance
+from gsvc_base.errors import UsageError
 from gsvc_conformance import Result, Vector, assert_vector, diagnose, judge, vectors
 from gsvc_conformance.pytest_plugin import OPTIONS
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.waivers import KEYS, read_waivers
-from gsvc_ref.errors import UsageError
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from toy_operations import good_program, judge, write_program
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import Failure, Unsupported
 from gsvc_conformance.operation import Port
 from gsvc_conformance.process import MAX_BYTES, ProcessImplementation, read_output
 from gsvc_conformance.vector import npy
 from gsvc_conformance.vector_folder import Selection
-from gsvc_ref.errors import UsageError
 
 
 def outcome_of(folder, tmp_path, text, timeout=60.0):

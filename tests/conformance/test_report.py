@@ -7,13 +7,13 @@ from xml.etree import ElementTree as ET
 import pytest
 from toy_reports import RESULTS, result
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.report.console import cause_lines, describe, ends, last_line, progress_text
 from gsvc_conformance.report.json import from_object, to_object, to_text
 from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.markdown import summary_markdown
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.results import OutputResult
-from gsvc_ref.errors import UsageError
 
 
 def test_verdicts(report):

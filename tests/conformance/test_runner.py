@@ -9,11 +9,11 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS, REFERENCE, good_program, judge, module, outcomes, verdicts
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import ModuleImplementation, from_namespace, load_module
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.runner import judge_outputs
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_ref.errors import UsageError
 
 
 def test_the_reference_passes(folder):

@@ -8,7 +8,7 @@ from hypothesis import given as any_of
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.testing.running_error import given, rounded_once, stack
+from gsvc_base.exact.running_error import given, rounded_once, stack
 
 F4 = np.float32
 

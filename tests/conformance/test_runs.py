@@ -7,10 +7,10 @@ import pytest
 from jsonschema import Draft202012Validator
 from toy_operations import case_of
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.coverage import SCHEMA
 from gsvc_conformance.runs import LEAST, pack, unpack
 from gsvc_conformance.vector import files_of, from_files
-from gsvc_ref.errors import UsageError
 
 PERIOD = np.random.default_rng(5).normal(size=(251, 9)).astype(np.float32)
 

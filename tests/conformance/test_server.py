@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from toy_operations import INPUTS, REFERENCE, judge, write_program
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance import process, server
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.process import write_inputs
 from gsvc_conformance.report.json import read
 from gsvc_conformance.server import MAX_REQUEST, ServerImplementation
 from gsvc_conformance.vector_folder import Selection
-from gsvc_ref.errors import UsageError
 
 SCALE = Selection(operations=("scale",))
 

@@ -8,11 +8,11 @@ import zipfile
 import pytest
 from toy_operations import INPUTS
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.sets import changed, check_made, digest, list_of, missing, next_list, read_sets, withdrawn
 from gsvc_conformance.vector import SUMS, files_in, load, manifests_in
 from gsvc_conformance.vector_folder import Selection, VectorFolder
-from gsvc_ref.errors import UsageError
 
 GONE = "core/scale/by_two"
 

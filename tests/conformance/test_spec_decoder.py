@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import GsvcError
+from gsvc_base.splats import Splats
 from gsvc_conformance import reference
 from gsvc_conformance.cases.faulty import faults
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import render_exact_with_bound
 from gsvc_ref.rendering.deterministic import sum_plain
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.random import Generator
 
+from gsvc_base.rendering.definition import exact_gradients
+from gsvc_base.splats import Splats
 from gsvc_conformance import reference
 from gsvc_conformance.spec import namespace
-from gsvc_ref.rendering.definition import exact_gradients
-from gsvc_ref.splats import Splats
 
 Values = dict[str, Any]
 f4 = np.float32

@@ -7,7 +7,8 @@ import subprocess
 
 import pytest
 
-import gsvc_ref.syntax as reading
+import gsvc_base.syntax as reading
+from gsvc_base.syntax import elements, named, number, rules_of, syntax
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.c_header import c_header
 from gsvc_conformance.elements import ELEMENTS
@@ -16,7 +17,6 @@ from gsvc_conformance.spec import SPEC, header_rows, namespace
 from gsvc_conformance.syntax_files import FILES, ROOT, stale, write
 from gsvc_conformance.vector import VECTORS, read
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.syntax import elements, named, number, rules_of, syntax
 
 TEXT = SPEC.read_text(encoding="utf-8")
 PARTS = {"\n## 6 ": "\n## 7 ", "\n## 15 ": "\n## Annex A"}

@@ -10,13 +10,13 @@ import pytest
 import toy_operations
 from toy_operations import INPUTS
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance import vectors
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.coverage import listed_problems
 from gsvc_conformance.expectations import Exact
 from gsvc_conformance.vector import SUMS, files_of, from_files
 from gsvc_conformance.vector_folder import Selection, VectorFolder, check_manifest
-from gsvc_ref.errors import UsageError
 
 
 def test_missing_or_empty_vectors_are_refused(toys, tmp_path):

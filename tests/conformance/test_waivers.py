@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import toy_operations
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.report.json import read, to_text
 from gsvc_conformance.results import Result
 from gsvc_conformance.waivers import Waiver, Waivers, patterns, read_waivers, renewed, to_toml
-from gsvc_ref.errors import UsageError
 
 TODAY = datetime.date(2026, 11, 23)
 NAMES = [

@@ -9,13 +9,13 @@ from errno import ENOSPC
 import pytest
 from codec_cases import encoded, fast, video_format, waves
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder import cluster as clusters
 from gsvc_ref.encoder import encode
 from gsvc_ref.encoder.cluster import Cluster, ClusterError, check_answers, opened_cluster
 from gsvc_ref.encoder.cluster_task import OtherCodeError, call
 from gsvc_ref.encoder.groups import EncodedRun, encode_run
-from gsvc_ref.errors import UsageError
 
 distributed = pytest.importorskip("distributed")
 

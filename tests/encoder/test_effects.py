@@ -9,6 +9,8 @@ from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Effects, Settings, pretraining
 from gsvc_ref.encoder.blocks import BLOCK, block_errors, block_pixels
 from gsvc_ref.encoder.effects import EFFECT_NAMES
@@ -16,8 +18,6 @@ from gsvc_ref.encoder.frame_settings import DetectionSettings
 from gsvc_ref.encoder.frame_types import typed_frames
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.pretraining import Pretraining
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import Stream, decode
 
 RNG = np.random.default_rng(5)

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from codec_cases import Counting, encoded, fast, flat, paper_fast, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import PartialFile
 from gsvc_ref.encoder import IncompleteEncodeError, encode
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import PartialFile
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import VideoReader

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.training import FitSettings
 
 HOSTILE: list[Any] = [

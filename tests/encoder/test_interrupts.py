@@ -9,10 +9,10 @@ import time
 import pytest
 from codec_cases import encoded, fast, video_format, waves
 
+from gsvc_base.files import PartialFile
+from gsvc_base.interrupts import Interrupts
 from gsvc_ref.encoder import encode
 from gsvc_ref.encoder.source_and_target import LiveFile
-from gsvc_ref.files import PartialFile
-from gsvc_ref.interrupts import Interrupts
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 5)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder.key_frames import WINDOW, KeyFrameSelector, exceeds, select_key_frames
-from gsvc_ref.errors import UsageError
 
 FLAT = 0.25
 """Loss of an ordinary frame, from scratch and predicted alike, so that its difference is zero."""

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.cli import main
 from gsvc_ref.encoder import EncodeReport, IncompleteEncodeError, Settings
 from gsvc_ref.encoder.log import read_log
-from gsvc_ref.errors import UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import Stream, StreamWriter

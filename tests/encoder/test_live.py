@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from codec_cases import Counting, complete_frames, encoded, fast, same, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder import IncompleteEncodeError, encode, source_and_target
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream import Stream, StreamWriter, decode
 
 SMALL = video_format(24, 16)

@@ -12,6 +12,7 @@ from codec_cases import encoded, paper_fast, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import open as open_stream
 from gsvc_ref.encoder.effects import EFFECT_NAMES, Effects
 from gsvc_ref.encoder.log import (
@@ -25,7 +26,6 @@ from gsvc_ref.encoder.log import (
     read_log,
     write_log,
 )
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamWriter
 
 CLIP = waves(32, 24, 4)

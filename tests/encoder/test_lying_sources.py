@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from codec_cases import Counting, complete_frames, encoded, fast, same, video_format, waves
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder import IncompleteEncodeError, encode
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import decode
 from gsvc_ref.video import encode_png, open_video
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from codec_cases import fast, video_format, waves
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder import IncompleteEncodeError, encode, encoder, frame_types
 from gsvc_ref.encoder.frame_types import TypedFrame
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import Stream
 
 STILL = [np.zeros((16, 24, 3), np.uint8)] * 10

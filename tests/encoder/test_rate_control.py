@@ -9,6 +9,7 @@ from codec_cases import encoded, flat, paper_fast, paper_quick, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder import frame as frame_module
 from gsvc_ref.encoder.rate import (
@@ -22,7 +23,6 @@ from gsvc_ref.encoder.rate import (
 )
 from gsvc_ref.metrics import psnr
 from gsvc_ref.rendering import Objective, render, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import decode
 from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start, loss_of_psnr, psnr_of_loss
 

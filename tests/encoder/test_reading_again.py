@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from codec_cases import same, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_lab.scenes import Scene
 from gsvc_ref.encoder import reading_again
 from gsvc_ref.encoder.reading_again import Chosen, can_be_read_again, readable_again
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import open_writer
 
 CLIP = waves(8, 6, 5)

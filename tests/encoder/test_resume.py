@@ -16,13 +16,13 @@ from codec_cases import encoded, fast, paper_fast, paper_quick, video_format, wa
 from encoder.test_killed import in_child
 from encoder.test_side_by_side import Here, without_times
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import complete_file
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder import IncompleteEncodeError, encode, encoding, resume
 from gsvc_ref.encoder.groups import encode_run
 from gsvc_ref.encoder.kept_group import OURS, KeptGroup
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import complete_file
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter, decode
 

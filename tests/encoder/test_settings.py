@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from codec_cases import encoded, fast, paper_quick, waves
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.encoder import Effects, Settings, encode
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.training import Cosine, FitSettings, Rates
 
 

@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.interrupts import INSISTING_S
 from gsvc_ref.encoder import IncompleteEncodeError, encode, groups, side_by_side
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.interrupts import INSISTING_S
 from gsvc_ref.processes import DeadProcessError
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import open_writer

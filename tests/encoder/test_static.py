@@ -5,11 +5,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.splats import Splats
 from gsvc_ref import Settings, encode, open
 from gsvc_ref.encoder.blocks import BLOCK, block_errors
 from gsvc_ref.encoder.static import changed_pixels, static_splats
 from gsvc_ref.rendering import covered_pixels, render
-from gsvc_ref.splats import Splats
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 WIDTH, HEIGHT = 40, 24

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from codec_cases import fast, paper_fast, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode, targets
 from gsvc_ref.encoder.targets import NEAR_TARGET
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.metrics import libvmaf
 from gsvc_ref.stream import decode
 

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 from codec_cases import fast, same, video_format, waves
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.encoder import IncompleteEncodeError, encode, times
 from gsvc_ref.encoder.times import SourceTimes
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.stream import Stream, concat, cut, decode
+from gsvc_ref.stream import Stream, decode
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import VideoReader
+from gsvc_tools.editing import concat, cut
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 7)

@@ -3,10 +3,10 @@
 import pytest
 from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.encoder import trial
 from gsvc_ref.encoder.source_and_target import FrameSource
 from gsvc_ref.encoder.trial import PLACES, TRIED_FRAMES, estimate
-from gsvc_ref.errors import GsvcError
 
 CLIP = waves(32, 24, 15)
 

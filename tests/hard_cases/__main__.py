@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from gsvc_lab.pages.markers import put_between
+from gsvc_base.pages.markers import put_between
 from tests.hard_cases.table import BEGIN, END, failures, measurements, plain, row
 from tests.hard_cases.table import markdown as as_markdown
 

@@ -5,9 +5,9 @@ from math import prod
 import numpy as np
 import pytest
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import TIERS, of_operation
 from gsvc_conformance.expectations import Bounded
-from gsvc_ref.draws import Draws
 from tests.hard_cases.oracle import losses, metrics, quantization, rendering, training
 
 TRUTHS = {

@@ -5,8 +5,8 @@ from math import log2
 import numpy as np
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.operations.training import adan_oracle
-from gsvc_ref.errors import UsageError
 from gsvc_ref.training.adan import Adan, AdanSettings
 from tests.hard_cases.long_training import RATE, SAMPLED, SETTINGS, gradients, run
 

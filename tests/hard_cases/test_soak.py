@@ -6,6 +6,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from gsvc_base.splats import Splats
 from gsvc_conformance.spec import namespace
 from gsvc_ref.rendering import (
     exact_gradients_with_bound,
@@ -14,7 +15,6 @@ from gsvc_ref.rendering import (
     render_sum,
     render_sum_deterministic,
 )
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing.strategies import HARD_NUMBERS, painters
 
 F4 = NDArray[np.float32]

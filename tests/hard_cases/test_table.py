@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from gsvc_lab.pages.markers import replaced
+from gsvc_base.pages.markers import replaced
 from tests.hard_cases.catalogue import catalogue
 from tests.hard_cases.measuring import Measurement, Worst
 from tests.hard_cases.table import BEGIN, END, failures, markdown, number, row

@@ -11,9 +11,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.errors import GsvcError
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, Place
 from gsvc_ref.stream.source import Source

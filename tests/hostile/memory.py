@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.cli import main
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from tests.hostile.hostile_streams import Case, cases
 

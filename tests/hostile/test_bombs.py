@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.testing import RICH_HEADER, Lie, rich_frames, write_stream
 from tests.hostile.hostile_streams import (
     chunk,

@@ -5,7 +5,7 @@ Here a part of all truncations and flips of the core streams is tried; ``python 
 
 import pytest
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from tests.hostile.damage import LibraryDecoder, SpecDecoder, core_streams, damages, said

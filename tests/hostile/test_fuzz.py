@@ -19,11 +19,11 @@ from fuzz.fuzzing import CORPUS, TARGETS
 from fuzz.layout import elements, split
 from fuzz.stream_mutations import MUTATIONS, mutate_stream
 
+from gsvc_base.errors import GsvcError
 from gsvc_conformance.cases.faulty import faults
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import categories_of
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import DecodedFrame
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

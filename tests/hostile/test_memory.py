@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer
 from gsvc_ref.rendering.fast.batches import bytes_of_thread
 from gsvc_ref.rendering.fast.binning import LISTED, Binning, windows_of
 from gsvc_ref.rendering.fast.rasterizer import BUFFERS_BYTES, Rasterizer
-from gsvc_ref.splats import Splats
 from tests.hostile.__main__ import main
 from tests.hostile.memory import SUPPORTED, measure_level
 

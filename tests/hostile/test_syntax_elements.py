@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
+from gsvc_base.draws import Draws
 from gsvc_conformance import reference
 from gsvc_conformance.cases.building import HEADER, intra_block, operated
 from gsvc_conformance.cases.faulty_main import EMPTY, PLANS
@@ -20,7 +21,6 @@ from gsvc_conformance.elements import ELEMENTS
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
-from gsvc_ref.draws import Draws
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, split_chunks, write_stream
 

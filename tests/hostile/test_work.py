@@ -15,14 +15,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.arrays import I8, U2
+from gsvc_base.arrays import I8, U2
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.rans import decode_kernel
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.rendering.fast.binning import Binning, windows_of
 from gsvc_ref.rendering.fast.projection import row_range
 from gsvc_ref.rendering.fast.tiles import GROUP_ROWS, TILE_WIDTH
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import splat_sets
 from tests.hostile.hostile_streams import (

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_video
 from tests.main.material import stream_of

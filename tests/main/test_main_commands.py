@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import Gap, StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from tests.main.material import both, flipped, stream_of, with_payload

@@ -2,10 +2,10 @@
 
 import pytest
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.bitstream.rules import kind_of
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import Lie, write_stream
 from tests.main.material import HEADER, both, codes_of, damages, stream_of

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import MAIN_CATEGORIES
 from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import Layers

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import MAIN_CATEGORIES, Element
 from gsvc_ref.bitstream.header import MAIN, header_elements
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamReader, StreamWriter
 from gsvc_ref.stream.listing import list_elements, place_of
 from gsvc_ref.stream.profiles import profile_of

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.metrics import Vmaf, VmafMeter, vmaf
 from gsvc_ref.metrics.libvmaf import MIN_SIDE, ffmpeg_with_libvmaf
 

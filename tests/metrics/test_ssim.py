@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from skimage.metrics import structural_similarity
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales
 from gsvc_ref.metrics.ssim import SCALE_WEIGHTS, gaussian_window, halve, mean_similarity
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock
 from gsvc_ref.testing import rich_frames
 

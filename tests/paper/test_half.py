@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper.half import (
     LARGEST_HALF,
     coarsen_half,

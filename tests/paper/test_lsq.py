@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import lsq, lsq_dequantize, lsq_gradients, lsq_quantize
 
 values = st.floats(-100, 100, width=32)

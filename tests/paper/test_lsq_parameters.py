@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper import lsq, lsq_dequantize, lsq_quantize
 from gsvc_ref.paper.lsq_parameters import (
     SCALE_FLOOR,

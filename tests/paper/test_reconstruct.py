@@ -8,9 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import (
     FrameCodes,
     Quantizer,
@@ -20,7 +21,6 @@ from gsvc_ref.paper import (
     reconstruct_inter,
     reconstruct_intra,
 )
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing import frames, headers
 
 BOOKS = (np.array([[0.5, 0, -1], [2.0**-10, 3, 0]], np.float16), np.array([[2.0**-24, 1, 1]], np.float16))

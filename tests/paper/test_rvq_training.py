@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.paper import from_half, rvq, rvq_assign, to_half
 from gsvc_ref.paper.codebook_update import REVIVED_COUNT, rvq_update
 from gsvc_ref.paper.rvq import flat

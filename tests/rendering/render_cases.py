@@ -4,7 +4,7 @@ import numba
 import numpy as np
 from hypothesis import strategies as st
 
-from gsvc_ref.splats import Splats
+from gsvc_base.splats import Splats
 
 JIT = not numba.config.DISABLE_JIT
 EXAMPLES = 60 if JIT else 4

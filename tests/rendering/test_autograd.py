@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from render_cases import HEIGHT, NAMED, SMOOTH, WIDTH, population
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import LN_255, Objective, render_gradients
-from gsvc_ref.splats import Splats
 
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install gsvc_ref[peers]")
 

@@ -18,6 +18,8 @@ from render_cases import (
     splat_sets,
 )  # fmt: skip
 
+from gsvc_base.rendering.bounds import EPS, gamma
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import (
     LN_255,
     exact_gradients_with_bound,
@@ -25,8 +27,6 @@ from gsvc_ref.rendering import (
     render_gradients,
     render_sum,
 )  # fmt: skip
-from gsvc_ref.rendering.bounds import EPS, gamma
-from gsvc_ref.splats import Splats
 
 # Interpreted kernels work on NumPy scalars, which warn where the compiled ones quietly make an infinity.
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from render_cases import DEGENERATE, EXAMPLES, HEIGHT, NAMED, SMOOTH, WIDTH, ordinary, population, single, splat_sets
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.rendering.definition import exact_covered_pixels, exact_gradients, exact_sum, footprint
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import LN_255, SMALLEST_NORMAL, render, render_gradients, render_sum
-from gsvc_ref.rendering.definition import exact_covered_pixels, exact_gradients, exact_sum, footprint
-from gsvc_ref.splats import Splats
 
 
 def plain_sum(splats, width, height):

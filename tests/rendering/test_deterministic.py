@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 from numpy._core import _multiarray_umath as multiarray
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, single, splat_sets
 
-from gsvc_ref.constants import ONE, SUPPORT_SQUARED
+from gsvc_base.constants import ONE, SUPPORT_SQUARED
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import (
     Objective,
     Renderer,
@@ -29,7 +30,6 @@ from gsvc_ref.rendering import (
 )  # fmt: skip
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, weight, whitened
 from gsvc_ref.rendering.fast.exponential import K1, K2, K3, K4, K5, exp_minus_half, exp_minus_half_strict
-from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

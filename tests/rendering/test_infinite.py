@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from gsvc_base.constants import SUPPORT_SQUARED
+from gsvc_base.splats import Splats
 from gsvc_ref import spec
-from gsvc_ref.constants import SUPPORT_SQUARED
 from gsvc_ref.rendering import (
     SequenceRenderer,
     covered_pixels,
@@ -16,7 +17,6 @@ from gsvc_ref.rendering import (
     rendering_work,
 )
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, whitened
-from gsvc_ref.splats import Splats
 
 ORDINARY = [8.25, 4.5, 3, 0.5, 2, 1, -1, 0.5]
 WIDTH, HEIGHT = 37, 9

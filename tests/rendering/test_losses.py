@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, loss, render_gradients, render_sum
-from gsvc_ref.splats import Splats
 
 
 @pytest.mark.parametrize("size", [(1, 1), (3, 16), (5, 17), (12, 40)])

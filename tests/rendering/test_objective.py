@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, ordinary, population, single, splat_sets
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render, render_gradients, render_sum
 from gsvc_ref.rendering.fast import batches
-from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Renderer, to_frame, to_frame_deterministic
-from gsvc_ref.splats import Splats
 
 
 def gray(*values, dtype=np.float64):

@@ -19,7 +19,8 @@ from render_cases import (
     splat_sets,
 )  # fmt: skip
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import (
     Renderer,
     covered_pixels,
@@ -30,7 +31,6 @@ from gsvc_ref.rendering import (
     render_sum,
     to_frame,
 )  # fmt: skip
-from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from render_cases import population
 
-from gsvc_ref.arrays import F4
-from gsvc_ref.errors import UsageError
+from gsvc_base.arrays import F4
+from gsvc_base.errors import UsageError
 from gsvc_ref.rendering import Objective, Precision, SampledObjective
 
 LATTICES: tuple[tuple[int, int], ...] = ((1, 1), (2, 1), (1, 2), (2, 2))

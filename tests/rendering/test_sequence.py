@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from render_cases import EXAMPLES, HEIGHT, JIT, WIDTH, ordinary, population, single, splat_sets
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, Renderer, SequenceRenderer, render, render_gradients
-from gsvc_ref.splats import Splats
 
 pytestmark = [] if JIT else [pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")]
 

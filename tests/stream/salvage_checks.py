@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from gsvc_ref.errors import GsvcError
-from gsvc_ref.splats import Splats
+from gsvc_base.errors import GsvcError
+from gsvc_base.splats import Splats
 from gsvc_ref.stream import DecodedFrame, Gap, StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.salvage import Salvage

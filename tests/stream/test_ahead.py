@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from codec_cases import encoded, fast, waves
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.stream import Stream, decode, decoder
 from gsvc_ref.stream.ahead import read_ahead
 

@@ -13,12 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE, VERSION_MAJOR
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import State, reconstruct
-from gsvc_ref.stream import StreamReader, concat
+from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
-from gsvc_ref.stream.copying import CopiedStream, Opening, _Index, sound_chunks
 from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
@@ -32,6 +31,8 @@ from gsvc_ref.testing import (
     split_chunks,
     write_stream,
 )
+from gsvc_tools.editing import concat
+from gsvc_tools.editing.copying import CopiedStream, Opening, _Index, sound_chunks
 
 OVERVIEW = write_stream(OVERVIEW_HEADER, overview_frames())
 RICH = write_stream(RICH_HEADER, rich_frames())

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from test_concatenation import OVERVIEW, joined, part_lists, types
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, join_chunks, overview_frames, split_chunks, write_stream
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import DecodedFrame, StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,

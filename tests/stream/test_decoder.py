@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from codec_cases import encoded, fast, video_format, waves
 
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.splats import scale_parameters
 from gsvc_ref.encoder import encode
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.rendering import render, rendering_work, to_frame
-from gsvc_ref.splats import scale_parameters
 from gsvc_ref.stream import Gap, Stream, decode, decoder, scaled_size
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

@@ -10,8 +10,8 @@ from codec_cases import video_format
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import Stream, StreamWriter, decode
 from gsvc_ref.stream import video_format as format_of_header
 from gsvc_ref.stream.formats import CHROMA_FORMATS, format_notes, header_fields

@@ -5,10 +5,10 @@ from pathlib import Path
 import pytest
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.cli import main
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import Lie, write_stream

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.cases.building import HEADER
 from gsvc_conformance.cases.container import equal_splats
 from gsvc_conformance.cases.pace import BYTES, LARGEST, heavy, paced, padded, repeated, two_seconds
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import Gap, StreamReader, StreamWriter
 

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from salvage_checks import Salvaged, salvage
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE, PREFIX_SIZE
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.stream import Gap, StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,

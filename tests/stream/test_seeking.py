@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.cases.seeking import forged
 from gsvc_ref import spec
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder

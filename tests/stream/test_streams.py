@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream import CATEGORIES, SequenceHeader, chunks, crc32c
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream import StreamReader, StreamWriter
 from gsvc_ref.testing import (

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from salvage_checks import salvage
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import crc32c
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.chunks import chunk
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.stream.source import READ_AT_ONCE, Source
 from gsvc_ref.stream.whole_chunks import WholeChunks

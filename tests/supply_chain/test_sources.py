@@ -7,14 +7,14 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ("gsvc_ref", "gsvc_tools", "gsvc_lab", "conformance/gsvc_conformance")
+FOLDERS = ("gsvc_base", "gsvc_ref", "gsvc_tools", "gsvc_lab", "conformance/gsvc_conformance")
 SOURCES = [path for folder in FOLDERS for path in sorted((ROOT / folder).rglob("*.py"))]
 
 UNPICKLING = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
 NETWORK = {"socket", "ssl", "http", "urllib", "ftplib", "smtplib", "xmlrpc", "socketserver", "asyncio", "requests"}
 EVALUATING = {"eval", "exec", "compile", "__import__"}
 
-MAY_EVALUATE = {ROOT / "gsvc_ref" / "spec.py", ROOT / "conformance" / "gsvc_conformance" / "spec.py"}
+MAY_EVALUATE = {ROOT / "gsvc_base" / "spec.py", ROOT / "conformance" / "gsvc_conformance" / "spec.py"}
 """They run the code blocks of spec.md, a file of this project."""
 
 MAY_UNPICKLE = {
@@ -26,7 +26,7 @@ MAY_UNPICKLE = {
 """The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
 does. The others read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
-MAY_SERVE = {ROOT / "gsvc_ref" / "viewing" / "server.py"}
+MAY_SERVE = {ROOT / "gsvc_tools" / "viewing" / "server.py"}
 """It gives the viewer to a browser of this machine, on the loopback interface alone."""
 
 MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}

@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis.vendor.pretty import pretty
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_conformance.vector import load
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import Splats
 from gsvc_ref.testing import assert_same_splats, assert_within_bound, random_stream, splat_sets
 from gsvc_ref.testing.assertions import OPERATIONS
 

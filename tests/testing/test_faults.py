@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.errors import UsageError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import Phase, find, settings
 
-from gsvc_ref.rendering.definition import footprints
-from gsvc_ref.splats import Splats
+from gsvc_base.rendering.definition import footprints
+from gsvc_base.splats import Splats
 from gsvc_ref.testing import splat_sets, streams
 
 PAGE = Path(__file__).parents[2] / "docs" / "property-tests.md"

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import Phase, find, given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.paper import State, reconstruct
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import Plane, Stream, frames, headers, planes, random_stream, splat_sets, streams, videos
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.training import Adan, AdanSettings, adan
 from gsvc_ref.training.adan import adan_step_plain
 from gsvc_ref.training.pruning import compact

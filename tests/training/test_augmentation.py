@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.rendering import render_sum
 from gsvc_ref.training import NEW_WEIGHT, image_start, random_splats, uniform_numbers
 from gsvc_ref.training.augmentation import SIZE_FACTOR, augment, draw_from_density, residual_splats

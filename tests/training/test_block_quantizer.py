@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import FrameCodes, Kept, RvqSettings, State, lsq_gradients, reconstruct, rvq
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import BlockSettings
 from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult
 

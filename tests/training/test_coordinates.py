@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import coordinates
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
+from gsvc_base.splats import Splats
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.block_quantizer import enough_codewords
 from gsvc_ref.training.effects import FIXED_STEPS, effects, shape_error, shape_weights, steps_for
 from gsvc_ref.training.settings import BlockSettings

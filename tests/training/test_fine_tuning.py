@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from codec_cases import adan_fast, encoded, flat, paper_quick, waves
 
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.quantizer_choice import frame_bytes, with_best_quantizer
 from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.stream import Stream
 from gsvc_ref.training import (
     KEPT_WEIGHT,

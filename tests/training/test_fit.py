@@ -8,9 +8,9 @@ from codec_cases import adan_fast
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import (
     MIN_FACTOR,
     NEW,

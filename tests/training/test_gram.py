@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training.gram import RIDGE, TOLERANCE, gram, gram_plain, solved_colors, squared_change
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.training import PruningSchedule
 from gsvc_ref.training.pruning import SETTLING, prune
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
 from gsvc_ref.training import PAPER_SCHEDULE, Constant, Cosine, StepDecay
 
 

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.paper import State, reconstruct, rvq
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, RoundingSettings, round_in_stages
 from gsvc_ref.training.gram import gram, squared_change
 from gsvc_ref.training.staged_rounding import round_with_feedback

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from codec_cases import faint_splats
 
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import KEPT_WEIGHT, NEW, DescentSettings, Growth, Population, PruningSchedule, fit, image_start
 from gsvc_ref.training.coarse import Sizes
 from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters

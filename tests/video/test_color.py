@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_ref import spec
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, to_planes, to_rgb
 from gsvc_ref.video.color import matrix_pair
 

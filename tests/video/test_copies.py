@@ -12,8 +12,8 @@ pytest.importorskip("av")
 import av
 from video.odd_clips import write_clip
 
+from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.times import FrameTimes, write_times
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 from gsvc_ref.video.libav_audio import first_picture
 from gsvc_ref.video.stream import Extras

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
 from gsvc_ref.video.images import decode_image, missing_numbers, natural_key
 

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer, to_rgb
 
 av = pytest.importorskip("av")

@@ -11,7 +11,7 @@ pytest.importorskip("av")
 
 from video.odd_clips import SIZE, write_clip
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video import open_video
 from gsvc_ref.video.libav_probe import Orientation, is_even
 

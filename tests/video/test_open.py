@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.files import PartialFile
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import PartialFile
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader, encode_png, open_video, open_writer
 
 VIDEO = VideoFormat(6, 4, Fraction(25), 8, "444", ColorDescription(1, 1, 1, False, 0))

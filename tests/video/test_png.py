@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from gsvc_ref.errors import GsvcError
+from gsvc_base.errors import GsvcError
 from gsvc_ref.video import ColorDescription, decode_png, encode_png
 from gsvc_ref.video.png import PNG_SIGNATURE
 

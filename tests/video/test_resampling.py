@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.errors import GsvcError, UsageError
 from gsvc_ref.video import FrameRateReader, Resampled, ScaledReader
 from gsvc_ref.video.format import array_format
 from gsvc_ref.video.resampling import resampled, scaled_size

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.errors import GsvcError, UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video import (
     ColorDescription,
     VideoFormat,

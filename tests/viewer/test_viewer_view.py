@@ -14,9 +14,9 @@ from gsvc_ref import decode
 from gsvc_ref import open as open_stream
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import open_writer
-from gsvc_ref.viewing.server import Viewing, serving
-from gsvc_ref.viewing.source_frames import SourceFrames
-from gsvc_ref.viewing.streams import GrowingFile, WholeFile
+from gsvc_tools.viewing.server import Viewing, serving
+from gsvc_tools.viewing.source_frames import SourceFrames
+from gsvc_tools.viewing.streams import GrowingFile, WholeFile
 
 PATH = next((web_pages.STREAMS / "moving_frames").glob("*.gsvc"))
 DATA = PATH.read_bytes()

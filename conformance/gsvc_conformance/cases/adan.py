@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.training import f4
 from gsvc_conformance.operation import Values
-from gsvc_ref.draws import Draws
 
 BETAS = {"beta1": 0.98, "beta2": 0.92, "beta3": 0.99, "epsilon": 1e-8}
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.rvq import assigned
 from gsvc_conformance.cases.training import f4
 from gsvc_conformance.operation import Values
-from gsvc_ref.draws import Draws
 
 
 def update_inputs(rng: Draws, count: int, sizes: list[int], **settings: float) -> Values:

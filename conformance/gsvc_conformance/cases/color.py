@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.titles import in_words
 from gsvc_conformance.operation import Values
-from gsvc_ref.draws import Draws
 
 Samples = NDArray[np.unsignedinteger[Any]]
 

@@ -5,13 +5,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.draws import Draws
+from gsvc_base.portable import cos, sin
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.rendering import SIZES
 from gsvc_conformance.cases.splat_sets import population, splat, splats
 from gsvc_conformance.cases.unusual_splats import DEGENERATE, EXTREME, WHAT_IS_EXTREME, WHY_DEGENERATE
-from gsvc_ref.constants import LN_255
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import cos, sin
 from gsvc_ref.rendering import render_sum_deterministic
 
 K = np.float32(float.fromhex("0x1.62a41p+3"))

@@ -13,9 +13,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
+from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, Tier, add
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import exp
 
 Frames = NDArray[Any]
 

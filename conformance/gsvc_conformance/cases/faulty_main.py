@@ -5,12 +5,12 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.cases.faults import Broken
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
-from gsvc_ref.draws import Draws
 from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 PLANS: Final = (Plan("I", 9, lane_exponent=1), Plan("P", 2, lane_exponent=2, motion_cell=3), Plan("R"),

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.splat_sets import population, splat, splats
 from gsvc_conformance.cases.unusual_splats import DEGENERATE
-from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]
 

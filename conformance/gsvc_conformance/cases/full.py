@@ -2,13 +2,13 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
+from gsvc_base.splats import F4
 from gsvc_conformance.case import FULL, Inputs, case
 from gsvc_conformance.cases.building import on, operated, predicted, result, stream_of
 from gsvc_conformance.cases.container import UUID, equal_splats
 from gsvc_ref.bitstream import LEVELS, SequenceHeader, level_for
-from gsvc_ref.draws import Draws
 from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock
-from gsvc_ref.splats import F4
 from gsvc_ref.testing import write_stream
 
 STAGES = 2

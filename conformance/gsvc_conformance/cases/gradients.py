@@ -5,6 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.draws import Draws
+from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.rendering import SIZES
 from gsvc_conformance.cases.splat_sets import population, splat, splats
@@ -17,9 +20,6 @@ from gsvc_conformance.cases.unusual_splats import (
     SLOPES,
     WHAT_IS_EXTREME,
 )
-from gsvc_ref.constants import LN_255
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import exp
 
 F4 = NDArray[np.float32]
 ALL_GROUPS = ((0, 2), (2, 5), (5, 8))

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.color import described, samples
 from gsvc_conformance.cases.metrics import Frame
-from gsvc_ref.draws import Draws
 
 NEAR_ZERO = 34
 """The seed from 0 to 39 whose MS-SSIM is closest to 0 without being 0."""

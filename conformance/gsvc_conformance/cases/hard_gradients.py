@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.gradients import noise
 from gsvc_conformance.cases.hard_shapes import (
@@ -16,7 +17,6 @@ from gsvc_conformance.cases.hard_shapes import (
 )
 from gsvc_conformance.cases.hard_splats import SIDES, WHAT_THEY_ARE, WHERE
 from gsvc_conformance.cases.splat_sets import COLOR, splat, splats
-from gsvc_ref.draws import Draws
 
 
 @case("stress", "render_gradients", flags=["hard", "needle", "cancellation"], each=SHAPES, said=WHAT_THEY_ARE)

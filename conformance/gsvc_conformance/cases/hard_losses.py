@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.training import f4
-from gsvc_ref.draws import Draws
 
 ONE = np.float32(1)
 

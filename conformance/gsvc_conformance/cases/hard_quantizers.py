@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.quantization import channels
 from gsvc_conformance.cases.training import f4
-from gsvc_ref.draws import Draws
 
 # --- LSQ+ ------------------------------------------------------------------------------------------------------------
 

@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.portable import cos, hypot, sin
 from gsvc_conformance.cases.splat_sets import splat, splats
 from gsvc_conformance.operations.rendering import edge_margins
-from gsvc_ref.constants import LN_255
-from gsvc_ref.portable import cos, hypot, sin
 
 F4 = NDArray[np.float32]
 Shape = tuple[float, float, float, float, float]

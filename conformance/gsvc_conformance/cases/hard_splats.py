@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
+from gsvc_base.portable import exp
 from gsvc_conformance.case import FULL, Inputs, case
 from gsvc_conformance.cases.building import on
 from gsvc_conformance.cases.hard_shapes import (
@@ -16,8 +18,6 @@ from gsvc_conformance.cases.hard_shapes import (
     odd_numbers,
 )
 from gsvc_conformance.cases.splat_sets import splat, splats
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import exp
 
 SIZE = {"width": WIDTH, "height": HEIGHT}
 

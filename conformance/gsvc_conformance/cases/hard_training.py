@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
+from gsvc_base.portable import power
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.adan import BETAS, adan_inputs
 from gsvc_conformance.cases.training import f4
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import power
 
 SLOW = {"beta1": 0.9999, "beta2": 0.999, "beta3": 0.99999, "epsilon": 1e-8}
 LARGEST_GRADIENT = 2.0**62

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.operation import Values
-from gsvc_ref.draws import Draws
 
 # --- Key frames ------------------------------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.codebooks import update_inputs
@@ -11,7 +12,6 @@ from gsvc_conformance.cases.large_rows import BOOKS, EDGES, FLAGS, PERIOD, ROWS,
 from gsvc_conformance.cases.rvq import assigned, clear_vectors, codebooks
 from gsvc_conformance.cases.training import f4
 from gsvc_conformance.operation import Values
-from gsvc_ref.draws import Draws
 
 FEW: Final = 41
 """Vectors where there are many codewords."""

@@ -4,13 +4,13 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import BOOKS, halves, on, quantizer_of, result, stream_of
 from gsvc_conformance.cases.container import equal_splats
 from gsvc_conformance.cases.gradients import noise
 from gsvc_conformance.cases.splat_sets import population
-from gsvc_ref.draws import Draws
 from gsvc_ref.paper import FrameCodes, SplatBlock
 
 FLAGS: Final = ("large-frame", "tile-edge")

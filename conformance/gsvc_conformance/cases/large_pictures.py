@@ -4,12 +4,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import FULL, Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.color import described, plane_shape, samples
 from gsvc_conformance.cases.large_rows import PERIOD
 from gsvc_conformance.cases.metrics import disturbed, scene
-from gsvc_ref.draws import Draws
 
 LONG: Final = 35_003
 SHAPES: Final = {"wide": (2, LONG), "high": (LONG, 2)}

@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import Array, result
 from gsvc_conformance.cases.large_rows import PERIOD, repeated
 from gsvc_conformance.cases.planes import decoding, inputs, plane
-from gsvc_ref.draws import Draws
 
 SYMBOLS: Final = 90_001
 ALPHABET: Final = 4096

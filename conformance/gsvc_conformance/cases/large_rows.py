@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.adan import adan_inputs
@@ -16,7 +17,6 @@ from gsvc_conformance.cases.quantization import random_values
 from gsvc_conformance.cases.reconstruction import codes
 from gsvc_conformance.cases.selection import state_of
 from gsvc_conformance.cases.training import f4, trained_rows
-from gsvc_ref.draws import Draws
 
 ROWS: Final = 70_001
 PERIOD: Final = 251

@@ -8,13 +8,13 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import Array
 from gsvc_conformance.cases.large_pictures import LONG, SAID, SHAPES
 from gsvc_conformance.cases.large_rows import PERIOD, repeated
 from gsvc_conformance.cases.splat_sets import population, splat, splats
-from gsvc_ref.draws import Draws
 
 FLAGS: Final = (CAPACITY, "large-frame", "tile-edge")
 COLUMNS: Final = (31.5, 32.5, 255.5, 256.5, 1023.5, 4096.5, 16_384.5, 32_767.5, 32_768.5, 35_002.5)

@@ -4,12 +4,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base import spec
+from gsvc_base.draws import Draws
+from gsvc_base.portable import power
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
 from gsvc_conformance.cases.main_states import ints, painted, state
-from gsvc_ref import spec
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import power
 
 TOTAL: Final = spec.TOTAL
 MIN_STATE: Final = spec.LOWEST_STATE

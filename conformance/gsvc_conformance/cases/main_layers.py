@@ -4,15 +4,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
+from gsvc_base import spec
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Fault, Inputs, add, case
 from gsvc_conformance.cases.building import operated, result
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, crowd, frame_of
-from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.draws import Draws
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream

@@ -6,11 +6,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base import spec
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs
 from gsvc_conformance.cases.building import frames_of, on, result
-from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.draws import Draws
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import PLANES, Densities, Density

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
-from gsvc_ref.draws import Draws
 
 Frame = NDArray[np.unsignedinteger[Any]]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.splat_sets import anywhere, splat, splats
-from gsvc_ref.draws import Draws
 
 
 @case("core", "scale_parameters", flags=["order"], each={"double": (16, 9, 32, 18), "down": (48, 27, 16, 9)},

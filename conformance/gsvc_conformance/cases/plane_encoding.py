@@ -2,12 +2,12 @@
 
 import numpy as np
 
+from gsvc_base import spec
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
 from gsvc_conformance.cases.planes import LANES, LARGEST, LARGEST_TABLE, MIN_STATE, peaked
-from gsvc_ref import spec
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
-from gsvc_ref.draws import Draws
 
 
 @case("core", "encode_plane", flags=["overflow"])

@@ -5,15 +5,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base import spec
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
-from gsvc_ref import spec
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.golomb import golomb_bits
 from gsvc_ref.bitstream.plane_coding import best_golomb_order
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.draws import Draws
 
 MIN_STATE: Final = 1 << 16
 

@@ -4,6 +4,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs
 from gsvc_conformance.cases.building import (
     BOOKS,
@@ -21,7 +22,6 @@ from gsvc_conformance.cases.building import (
 )
 from gsvc_ref.bitstream.frequencies import normalized_frequencies
 from gsvc_ref.bitstream.rans import encode_plane
-from gsvc_ref.draws import Draws
 from gsvc_ref.paper import FrameCodes, SplatBlock
 
 QUANTIZER_12: Final = quantizer_of([2.0**-9, 2.0**-8, 2.0**-9], [0.5, -8, 0.5])

@@ -4,11 +4,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import halves as half_cases  # their cases belong to this group, too
 from gsvc_conformance.cases import work as work_cases
 from gsvc_conformance.cases.building import Array, halves, result, same_bits
-from gsvc_ref.draws import Draws
 
 __all__ = ["half_cases", "work_cases"]
 

@@ -5,11 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.splat_sets import COLOR, MIN_GUARDS, population, splat, splats
 from gsvc_conformance.operations.rendering import edge_margins
-from gsvc_ref.constants import LN_255
-from gsvc_ref.draws import Draws
 
 SMALLEST = 2.0**-126
 

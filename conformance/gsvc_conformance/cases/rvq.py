@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.training import F4, f4
 from gsvc_conformance.operation import Values
 from gsvc_conformance.operations.codebooks import books_of
 from gsvc_conformance.operations.quantization import rvq_assign_oracle
-from gsvc_ref.draws import Draws
 
 
 def codebooks(rng: Draws, sizes: list[int]) -> Values:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.operations.rendering import edge_margins
-from gsvc_ref.draws import Draws
 
 F4 = NDArray[np.float32]
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.splat_sets import COLOR, population, splat, splats
-from gsvc_ref.draws import Draws
 
 SMALLEST = 2.0**-126
 

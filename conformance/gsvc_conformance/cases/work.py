@@ -4,11 +4,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.constants import LN_255
+from gsvc_base.draws import Draws
+from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
-from gsvc_ref.constants import LN_255
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import exp
 
 RADIUS: Final = 3.3290429691304455 * (1 + 2.0**-17)
 """ρ′ of section 5."""

@@ -5,12 +5,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, get_args
 
+from gsvc_base.cli.arguments import whole
+from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder, Wanted
-from gsvc_ref.cli.arguments import whole
-from gsvc_ref.errors import UsageError
 
 _HERE: Final = Path(__file__).parents[1]
 PROTOCOL: Final = next(

@@ -2,11 +2,11 @@
 
 from argparse import ArgumentParser, Namespace
 
+from gsvc_base.cli.text import show
 from gsvc_conformance.capacities import CAPACITIES, Row, rows
 from gsvc_conformance.commands import add_selection, add_vectors, selection
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_ref.cli.text import show
 
 
 def add_arguments(parser: ArgumentParser) -> None:

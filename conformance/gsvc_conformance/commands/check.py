@@ -8,14 +8,14 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.syntax import syntax
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.spec import namespace
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json, show
-from gsvc_ref.errors import GsvcError, UsageError
-from gsvc_ref.syntax import syntax
 
 SPEC, REFERENCE = "spec", "gsvc_ref"
 DECODERS: Final = (SPEC, REFERENCE)

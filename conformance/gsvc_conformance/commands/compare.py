@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.cli.text import show
+from gsvc_base.errors import UsageError
+from gsvc_base.pages.markers import put_between
 from gsvc_conformance.commands import count
 from gsvc_conformance.report.comparison import Entry, comparison, read_speeds
 from gsvc_conformance.report.json import read
 from gsvc_conformance.report.regressions import changes, conclusion_of, describe_changes
 from gsvc_conformance.results import Report
-from gsvc_lab.pages.markers import put_between
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import UsageError
 
 BEGIN: Final = "<!-- begin: gsvc-conformance compare -->"
 END: Final = "<!-- end -->"

@@ -4,10 +4,10 @@ from argparse import ArgumentParser, Namespace
 from collections import Counter
 from pathlib import Path
 
+from gsvc_base.cli.text import plural, show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.commands import add_selection, add_vectors, selection
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_ref.cli.text import plural, show
-from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

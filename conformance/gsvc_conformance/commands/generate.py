@@ -4,11 +4,11 @@ import hashlib
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.commands import add_vectors, count
 from gsvc_conformance.vector import SUMS, files_in, set_hash, sums_of
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, show
-from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

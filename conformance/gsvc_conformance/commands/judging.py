@@ -14,6 +14,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, show
+from gsvc_base.errors import UsageError
+from gsvc_base.files import write_text
 from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL, OWN
 from gsvc_conformance.causes import Causes
@@ -30,11 +35,6 @@ from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector import SPEC_VERSION, VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
 from gsvc_conformance.waivers import Waivers, read_waivers, renewed, to_toml
-from gsvc_ref.cli.arguments import whole
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, show
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import write_text
 
 if TYPE_CHECKING:
     from gsvc_conformance.report.pictures import View

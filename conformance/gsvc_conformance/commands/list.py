@@ -5,12 +5,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from gsvc_base.cli.text import print_json, show
+from gsvc_base.pages.markers import put_between
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, selection, vectors_of
 from gsvc_conformance.operation import Operation, Port, operations
 from gsvc_conformance.vector import files_in, manifests_in
 from gsvc_conformance.vector_folder import Selection
-from gsvc_lab.pages.markers import put_between
-from gsvc_ref.cli.text import print_json, show
 
 BEGIN = "<!-- begin: gsvc-conformance list --markdown conformance/protocol.md -->"
 END = "<!-- end -->"

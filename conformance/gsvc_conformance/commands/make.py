@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gsvc_base.cli.text import plural, show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.expectations import Bounded, Decision, Expectation, Interval, Refusal
 from gsvc_conformance.operation import operations
 from gsvc_conformance.spelling import question
-from gsvc_ref.cli.text import plural, show
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_conformance.making import OwnVector

@@ -7,12 +7,12 @@ from functools import cache
 from itertools import islice
 from typing import TYPE_CHECKING
 
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, print_json, show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.commands import add_selection, add_vectors, selection
 from gsvc_conformance.vector import Vector
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, print_json, show
-from gsvc_ref.errors import UsageError
 
 if TYPE_CHECKING:
     from gsvc_conformance.mutants import Mutant

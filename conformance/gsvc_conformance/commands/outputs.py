@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
+from gsvc_base.errors import UsageError
+from gsvc_base.files import standard_stream, write_text
 from gsvc_conformance.results import Report
-from gsvc_ref.errors import UsageError
-from gsvc_ref.files import standard_stream, write_text
 
 if TYPE_CHECKING:
     from gsvc_conformance.report.pictures import View

@@ -4,6 +4,8 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from gsvc_base.cli.text import show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.commands import add_vectors, count
 from gsvc_conformance.commands.outputs import add_files, check_outputs, write_files
 from gsvc_conformance.process import read_output
@@ -13,8 +15,6 @@ from gsvc_conformance.report.json import read
 from gsvc_conformance.report.pictures import PictureBook
 from gsvc_conformance.results import Report
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

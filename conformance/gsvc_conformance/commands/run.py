@@ -4,11 +4,11 @@ from argparse import ArgumentParser, Namespace
 from contextlib import ExitStack
 from typing import Final
 
+from gsvc_base.cli.arguments import positive, whole
+from gsvc_base.errors import UsageError
 from gsvc_conformance import implementations, process, server
 from gsvc_conformance.commands import PROTOCOL
 from gsvc_conformance.commands.judging import add_judging, judge
-from gsvc_ref.cli.arguments import positive, whole
-from gsvc_ref.errors import UsageError
 
 TIMEOUT: Final = 60.0
 

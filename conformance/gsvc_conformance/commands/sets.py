@@ -4,12 +4,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from gsvc_base.cli.text import plural, show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.commands import PROTOCOL, add_vectors
 from gsvc_conformance.sets import FOLDER, VectorSet, next_list, read_sets, withdrawn
 from gsvc_conformance.vector import files_in
 from gsvc_conformance.vector_folder import VectorFolder
-from gsvc_ref.cli.text import plural, show
-from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.arguments import size, whole
+from gsvc_base.cli.progress import ProgressDisplay
+from gsvc_base.cli.text import plural, show
 from gsvc_conformance.commands import count, times
-from gsvc_ref.cli.arguments import size, whole
-from gsvc_ref.cli.progress import ProgressDisplay
-from gsvc_ref.cli.text import plural, show
 
 if TYPE_CHECKING:
     from gsvc_ref.testing.random_streams import Wishes

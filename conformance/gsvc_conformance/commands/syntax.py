@@ -3,9 +3,9 @@
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from gsvc_base.cli.text import show
+from gsvc_base.errors import UsageError
 from gsvc_conformance.syntax_files import FILES, ROOT, stale, write
-from gsvc_ref.cli.text import show
-from gsvc_ref.errors import UsageError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -5,11 +5,11 @@ from collections import Counter
 from importlib import import_module
 from importlib.util import find_spec
 
+from gsvc_base.cli.text import plural, show, table
 from gsvc_conformance.commands import add_vectors
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector import SUMS, files_in
 from gsvc_conformance.vector_folder import ALL_TIERS, VectorFolder
-from gsvc_ref.cli.text import plural, show, table
 
 
 def add_arguments(parser: ArgumentParser) -> None:

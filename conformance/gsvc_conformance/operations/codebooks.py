@@ -6,9 +6,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.expansions import certain, exact, joined
+from gsvc_base.exact.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
 from gsvc_conformance.expectations import Bounded, Expectation
-from gsvc_ref.testing.expansions import certain, exact, joined
-from gsvc_ref.testing.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

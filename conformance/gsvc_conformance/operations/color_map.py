@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.rendering.bounds import gamma
 from gsvc_conformance.expectations import Decision
-from gsvc_ref.rendering.bounds import gamma
-from gsvc_ref.testing.distinct import distinct
 
 F8 = NDArray[np.float64]
 Matrix = list[list[Fraction]]

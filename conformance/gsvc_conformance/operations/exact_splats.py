@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LN_255
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import COMPONENT_COUNTS, Expansion, exact, joined, settled, sums_of, where
+from gsvc_base.rendering.bounds import SumBound, error_footprints, gradient_bound
 from gsvc_conformance.elementary import exp
-from gsvc_ref.constants import LN_255
-from gsvc_ref.rendering.bounds import SumBound, error_footprints, gradient_bound
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import COMPONENT_COUNTS, Expansion, exact, joined, settled, sums_of, where
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

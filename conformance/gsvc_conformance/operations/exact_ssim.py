@@ -7,10 +7,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import Expansion, exact, joined, rational, settled
+from gsvc_base.rendering.definition import added
 from gsvc_conformance.elementary import exp, power
-from gsvc_ref.rendering.definition import added
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import Expansion, exact, joined, rational, settled
 
 F8 = NDArray[np.float64]
 I8 = NDArray[np.int64]

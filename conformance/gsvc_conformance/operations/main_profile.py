@@ -6,10 +6,10 @@ The oracles are the code of spec.md; gsvc_ref answers by arrays and compiled ker
 from collections.abc import Callable
 from typing import Any, Final
 
+from gsvc_base import spec
 from gsvc_conformance.expectations import Exact, Expectation, Refusal
 from gsvc_conformance.operation import exactly, paired
 from gsvc_conformance.operations.bitstream import CONTAINER_RULES
-from gsvc_ref import spec
 
 MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.6-1", "R-15.6-2", "R-15.11-1", "R-15.11-2")
 """Rules of profile `main` that every legal stream of it exercises."""

@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.expansions import certain, exact, rational
+from gsvc_base.exact.running_error import COMPONENTS
+from gsvc_base.rendering.bounds import EPS, additions, gamma
 from gsvc_conformance.elementary import log
 from gsvc_conformance.expectations import Bounded, Expectation
 from gsvc_conformance.operation import Values, operation
 from gsvc_conformance.operations.exact_ssim import ms_ssim_and_condition
-from gsvc_ref.rendering.bounds import EPS, additions, gamma
-from gsvc_ref.testing.expansions import certain, exact, rational
-from gsvc_ref.testing.running_error import COMPONENTS
 
 Frame = NDArray[np.unsignedinteger[Any]]
 

@@ -6,11 +6,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.running_error import Computed, given, rounded_once, stack, with_bound
 from gsvc_conformance.expectations import Bounded, Decision, Expectation
 from gsvc_conformance.operation import paired
 from gsvc_conformance.operations.codebooks import books_of, residual, rvq_update_oracle
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.running_error import Computed, given, rounded_once, stack, with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base import spec
 from gsvc_conformance.expectations import Exact, Expectation
 from gsvc_conformance.operation import exactly, paired
-from gsvc_ref import spec
 
 Array = NDArray[Any]
 Oracle = dict[str, Expectation]

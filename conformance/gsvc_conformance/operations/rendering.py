@@ -5,16 +5,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import frame_type
+from gsvc_base.constants import LN_255
+from gsvc_base.exact.distinct import distinct
+from gsvc_base.exact.expansions import exact
+from gsvc_base.rendering.bounds import EPS, ETA, error_footprints, frame_limits
+from gsvc_base.rendering.definition import added
+from gsvc_base.splats import Splats
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from gsvc_conformance.operation import numbered, paired
 from gsvc_conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
-from gsvc_ref.arrays import frame_type
-from gsvc_ref.constants import LN_255
-from gsvc_ref.rendering.bounds import EPS, ETA, error_footprints, frame_limits
-from gsvc_ref.rendering.definition import added
-from gsvc_ref.splats import Splats
-from gsvc_ref.testing.distinct import distinct
-from gsvc_ref.testing.expansions import exact
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -194,7 +194,7 @@ def edge_margins(parameters: F4, width: int, height: int) -> F8:
 
     Returns
     -------
-    (N,) f8: the least |sigma - ln 255| over its error (`gsvc_ref.rendering.bounds`) of any pixel of the frame.
+    (N,) f8: the least |sigma - ln 255| over its error (`gsvc_base.rendering.bounds`) of any pixel of the frame.
     """
     first, inverse, _ = distinct(parameters)
     margins = np.full(len(first), np.inf)

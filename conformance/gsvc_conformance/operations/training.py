@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.exact.expansions import Expansion, certain, exact
+from gsvc_base.exact.running_error import COMPONENTS
+from gsvc_base.exact.training_bounds import adan_step_with_bound, loss_with_bound, weighted_gradients_with_bound
+from gsvc_base.rendering.bounds import EPS, ETA
 from gsvc_conformance.expectations import Bounded, Exact, Expectation
 from gsvc_conformance.operation import paired
-from gsvc_ref.rendering.bounds import EPS, ETA
-from gsvc_ref.testing.expansions import Expansion, certain, exact
-from gsvc_ref.testing.running_error import COMPONENTS
-from gsvc_ref.testing.training_bounds import adan_step_with_bound, loss_with_bound, weighted_gradients_with_bound
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]

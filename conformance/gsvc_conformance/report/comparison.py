@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, get_args
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.report.console import conclusion, ratio_text
 from gsvc_conformance.results import Report, Summary
-from gsvc_ref.errors import UsageError
 
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""

@@ -8,11 +8,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from gsvc_base.cli.text import plural, table
 from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.diagnosis import EXAMINED, VAGUE, is_place
 from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
 from gsvc_conformance.spec import complexity
-from gsvc_ref.cli.text import plural, table
 
 INDENT: Final = "  "
 END_LINES: Final = 3

@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.cli.text import plural
 from gsvc_conformance.names import columns, element, item
 from gsvc_conformance.operation import Operation
 from gsvc_conformance.report.measures import (
@@ -17,7 +18,6 @@ from gsvc_conformance.report.measures import (
     text_color,
     wrong_elements,
 )
-from gsvc_ref.cli.text import plural
 
 MAX_ROWS: Final = 8
 """Maximum number of rows that are shown."""

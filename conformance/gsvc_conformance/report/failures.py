@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.cli.text import plural
 from gsvc_conformance.causes import looks_like
 from gsvc_conformance.report.console import ends, probable_causes, ratio_text
 from gsvc_conformance.report.element_tables import Cell, ElementTable
@@ -15,7 +16,6 @@ from gsvc_conformance.report.pictures import Picture, View
 from gsvc_conformance.report.png import png_uri
 from gsvc_conformance.results import Report, Result, Table
 from gsvc_conformance.side_by_side import RIGHT
-from gsvc_ref.cli.text import plural
 
 MAX_FAULTS: Final = 2000
 """Maximum number of wrong vectors that are described; all of them stand in the table of vectors."""

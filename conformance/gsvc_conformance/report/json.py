@@ -10,11 +10,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import features_of
 from gsvc_conformance.profiles import ANY
 from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
-from gsvc_ref.errors import UsageError
 
 FORMAT: Final = "gsvc-conformance-report/1"
 INFINITE: Final = "infinite"

@@ -5,6 +5,8 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
+from gsvc_base.cli.text import plural
+from gsvc_base.pages.tables import markdown_table
 from gsvc_conformance.causes import looks_like
 from gsvc_conformance.report.console import (
     conclusion,
@@ -15,8 +17,6 @@ from gsvc_conformance.report.console import (
 )
 from gsvc_conformance.report.overview import causes_heading, places_text
 from gsvc_conformance.results import Report, Result, Summary
-from gsvc_lab.pages.tables import markdown_table
-from gsvc_ref.cli.text import plural
 
 MAX_BYTES: Final = 60_000
 """Maximum length: a comment on GitHub holds 65,536 characters."""

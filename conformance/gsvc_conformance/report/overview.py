@@ -4,9 +4,9 @@ import html
 from collections.abc import Mapping, Sequence
 from typing import Final
 
+from gsvc_base.cli.text import plural
 from gsvc_conformance.report.console import Cause, conclusion, folded, probable_causes, ratio_text
 from gsvc_conformance.results import OUTCOMES, Report, Summary
-from gsvc_ref.cli.text import plural
 
 BADGES: Final[Mapping[str, str]] = {"passed": "good", "incomplete": "warn", "failed": "bad"}
 """Classes of style of verdicts and conclusions."""

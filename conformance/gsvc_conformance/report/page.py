@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.cli.text import plural
+from gsvc_base.pages.page import document
 from gsvc_conformance.report.console import feature_counts, folded, ratio_text, rule_counts
 from gsvc_conformance.report.failures import failures_section, filter_form
 from gsvc_conformance.report.overview import BADGES, overview_section, quotes_list
 from gsvc_conformance.report.pictures import View
 from gsvc_conformance.results import FAULTS, Report, Result, Summary
-from gsvc_lab.pages.page import document
-from gsvc_ref.cli.text import plural
 
 MAX_ADVICE: Final = 200
 """Maximum number of refusals whose rule is another one that are listed."""

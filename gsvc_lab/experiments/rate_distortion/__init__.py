@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.cli.text import plural
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.codecs import CODECS, Codec
 from gsvc_lab.bench.coders import ALONE, CODERS, LONG, LONG_RUNS, MAIN, OWN, PAPER, SLOW
@@ -27,7 +28,6 @@ from gsvc_lab.experiments.rate_distortion.tables import (
     published_table,
     why_table,
 )
-from gsvc_ref.cli.text import plural
 
 MORE: Final = "bits that it takes more at equal quality"
 

@@ -7,13 +7,13 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base.cli.text import plural
 from gsvc_lab.bench.codecs import CODECS
 from gsvc_lab.bench.coders import ALONE, LONG, MAIN, OWN, OWN_ALONE, PAPER, SLOW
 from gsvc_lab.bench.measure import METRICS, Curve
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.figures import COLORS, log_axis, new_figure, save_figure
 from gsvc_lab.experiments.rate_distortion.plan import slug
-from gsvc_ref.cli.text import plural
 
 PANELS: Final = ("psnr", "ms_ssim", "vmaf")
 """The metrics of the paper's figure."""

@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4
+from gsvc_base.portable import sin
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import LightEffect
 from gsvc_lab.scenes.keyframes import check_keys, frames, key_before, value_at, values
 from gsvc_lab.scenes.parameters import choice, number, parameter
-from gsvc_ref.arrays import F4
-from gsvc_ref.portable import sin
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4
 from gsvc_lab.scenes.base import Base
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import TransitionEffect
 from gsvc_lab.scenes.parameters import frame_number, parameter, table
 from gsvc_lab.scenes.paths import check_order, progress
-from gsvc_ref.arrays import F4
 
 
 @dataclass(frozen=True)

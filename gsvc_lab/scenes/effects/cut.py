@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from gsvc_base.arrays import F4
 from gsvc_lab.scenes.base import Base
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import TransitionEffect
 from gsvc_lab.scenes.parameters import frame_number, parameter, table
 from gsvc_lab.scenes.paths import begun
-from gsvc_ref.arrays import F4
 
 
 @dataclass(frozen=True)

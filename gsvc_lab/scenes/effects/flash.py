@@ -5,11 +5,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import LightEffect
 from gsvc_lab.scenes.parameters import MAX_FRAMES, flag, frame_number, number, parameter, several, whole
 from gsvc_lab.scenes.paths import frame_at
-from gsvc_ref.arrays import F4
 
 
 @dataclass(frozen=True)

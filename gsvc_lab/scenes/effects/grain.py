@@ -6,12 +6,12 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.draws import Draws
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
 from gsvc_lab.scenes.sampling import correlated, gaussian
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.draws import Draws
 
 _LUMA: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of Rec. ITU-R BT.709
 _LEAST: Final = 0.25  # of the strength remains in black and white

@@ -5,14 +5,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import exp
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import ObjectEffect
 from gsvc_lab.scenes.keyframes import check_keys, frames, is_shown, key_before, places, value_at, values
 from gsvc_lab.scenes.parameters import choice, flag, frame_number, number, parameter
 from gsvc_lab.scenes.parameters import color as rgb
 from gsvc_lab.scenes.paths import check_order
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import exp
 
 
 @dataclass(frozen=True)

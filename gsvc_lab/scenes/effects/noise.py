@@ -5,11 +5,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4
+from gsvc_base.draws import Draws
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
-from gsvc_ref.arrays import F4
-from gsvc_ref.draws import Draws
 
 
 @dataclass(frozen=True)

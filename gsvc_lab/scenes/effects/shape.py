@@ -6,6 +6,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.distances import centres_in, inside, window
 from gsvc_lab.scenes.effect import ObjectEffect
@@ -37,7 +38,6 @@ from gsvc_lab.scenes.parameters import (
 from gsvc_lab.scenes.parameters import color as rgb
 from gsvc_lab.scenes.paths import check_order
 from gsvc_lab.scenes.shapes import ball_colors
-from gsvc_ref.arrays import F4, F8
 
 _ROUND: Final = ("circle", "ball", "ellipse")
 _PIECES: Final = 12  # of a side that bulges

@@ -6,11 +6,11 @@ from typing import ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F8
+from gsvc_base.portable import cos, hypot, sin
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, pair, parameter
-from gsvc_ref.arrays import F8
-from gsvc_ref.portable import cos, hypot, sin
 
 
 @dataclass(frozen=True)

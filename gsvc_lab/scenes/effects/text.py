@@ -5,6 +5,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.distances import Box, centres_in, inside, polygon_distance, window
 from gsvc_lab.scenes.effect import ObjectEffect
@@ -14,8 +16,6 @@ from gsvc_lab.scenes.parameters import color as rgb
 from gsvc_lab.scenes.parameters import text as one_line
 from gsvc_lab.scenes.paths import check_order
 from gsvc_lab.scenes.stroke_font import check_text, text_distance, text_width
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.errors import UsageError
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,12 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.draws import Draws
+from gsvc_base.portable import cos, power, sin
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import WarpEffect
 from gsvc_lab.scenes.parameters import number, parameter, whole
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.draws import Draws
-from gsvc_ref.portable import cos, power, sin
 
 _LONGEST = 1.6  # times the mean wavelength; the shortest is as many times shorter
 

@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+from gsvc_base.portable import power
 from gsvc_lab.scenes.camera import Camera
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import CameraEffect
 from gsvc_lab.scenes.parameters import choice, frame_number, number, pair, parameter
 from gsvc_lab.scenes.paths import PACES, begun, check_order, progress
-from gsvc_ref.portable import power
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import exp
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
-from gsvc_ref.portable import exp
 from gsvc_ref.rendering.fast.threads import run_tasks
 from gsvc_ref.training.coordinates import exp_kernel, log_kernel
 

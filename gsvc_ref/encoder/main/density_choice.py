@@ -9,8 +9,9 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import I8
+from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main import densities
 from gsvc_ref.main.cells import cell_counts, cell_keys, half_distribution, halving_count
 from gsvc_ref.main.codes import IntraCodes
@@ -26,7 +27,6 @@ from gsvc_ref.main.passes import PRECISION, TOTAL, magnitude_classes
 from gsvc_ref.main.reconstruct import colors_of
 from gsvc_ref.main.state import classes
 from gsvc_ref.main.tables import EXP2, LAPLACE, LOGISTIC, exp2
-from gsvc_ref.portable import log2
 
 Density = tuple[int, int, int, int]
 """Centre, scale code, family and slope."""

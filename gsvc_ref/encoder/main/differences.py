@@ -16,8 +16,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, SIXTH, THIRD, exp_kernel
 
 LN2: Final = 0.6931471805599453

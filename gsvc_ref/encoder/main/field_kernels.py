@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 
 UNITS: Final = 4
 """Vectors are in units of 1/4 px."""

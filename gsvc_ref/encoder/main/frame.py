@@ -21,7 +21,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, Frame
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
@@ -42,7 +43,6 @@ from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import Renderer
-from gsvc_ref.splats import Splats
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 

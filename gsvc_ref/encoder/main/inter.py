@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_ref.arrays import F4, F8, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.main import differences
 from gsvc_ref.encoder.main.candidates import REACH, best_candidates
 from gsvc_ref.encoder.main.density_choice import choose_densities

@@ -12,8 +12,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.density_choice import choose_densities
 from gsvc_ref.encoder.main.rounding import MOST_SHEAR, Rounded, codes_of, rounded
 from gsvc_ref.encoder.main.settings import IntraSettings

@@ -13,14 +13,14 @@ from copy import copy
 from dataclasses import replace
 from typing import Any, cast
 
-from gsvc_ref.arrays import Frame
+from gsvc_base.arrays import Frame
+from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.paper import FrameType
-from gsvc_ref.splats import Splats
 
 
 class LayeredFrameEncoder:

@@ -22,7 +22,8 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, F8, I8
+from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import log2
 from gsvc_ref.encoder.main.field_kernels import (
     LONGEST,
     PAIRS,
@@ -37,7 +38,6 @@ from gsvc_ref.encoder.main.field_kernels import (
     stiffness,
     sum_products,
 )
-from gsvc_ref.portable import log2
 from gsvc_ref.rendering import SampledObjective
 from gsvc_ref.training.motion import estimated_motion
 

@@ -11,8 +11,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.encoder.main.differences import LN2, put
 from gsvc_ref.training.coordinates import HALF, LEAST_ENERGY, ROOT, exp_kernel
 

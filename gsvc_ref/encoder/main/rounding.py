@@ -5,8 +5,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.main.cells import cell_counts
 from gsvc_ref.main.codes import IntraCodes
 from gsvc_ref.main.densities import LARGEST_MAGNITUDE

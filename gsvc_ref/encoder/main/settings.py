@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, field, fields
 
-from gsvc_ref.checks import check_types
-from gsvc_ref.errors import UsageError
+from gsvc_base.checks import check_types
+from gsvc_base.errors import UsageError
 from gsvc_ref.main.codes import SIDES
 from gsvc_ref.training.settings import Growth
 

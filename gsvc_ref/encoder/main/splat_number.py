@@ -4,10 +4,10 @@ from typing import Final
 
 from numpy.random import Generator
 
+from gsvc_base.portable import power
 from gsvc_ref.encoder.main.intra import grow, quantizer_for
 from gsvc_ref.encoder.main.settings import IntraSettings
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.portable import power
 
 STEPS_PER_DOUBLING: Final = 7.0
 """By how many eighths of an octave D falls with twice the splats; measured on four pictures, 5 to 11."""

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.portable import log10
+from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import log10
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
 from gsvc_ref.training.coarse import Sizes, step_for

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.cells import MOST_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
 from gsvc_ref.main.codes import CodeArrays, IntraCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, Densities, Windows, magnitude_distributions, windows_of

@@ -8,8 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8, U2, U4
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8, U2, U4
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.bitstream.rans import LOWEST_STATE
 from gsvc_ref.main.passes import LENGTH_UNIT, LENGTHS, PRECISION, TOTAL, Distributions

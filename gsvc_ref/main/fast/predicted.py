@@ -5,8 +5,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import I8
 from gsvc_ref.main.codes import GROUP_ENDS, GROUPS, REMOVED, SIDES, MainCodes
 from gsvc_ref.main.fast.lanes import (
     MODES,

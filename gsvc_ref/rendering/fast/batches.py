@@ -9,8 +9,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, I4
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I4
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.projection import PROJECTED, row_range
 from gsvc_ref.rendering.fast.tiles import ROW, SPARE_ROWS, TILE_WIDTH, aligned

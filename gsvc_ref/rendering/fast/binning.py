@@ -10,12 +10,12 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I4, I8
+from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I4, I8
 from gsvc_ref.rendering.fast.projection import PROJECTED, ROW_COUNT, ProjectedSplats, project_task
 from gsvc_ref.rendering.fast.threads import run_tasks
 from gsvc_ref.rendering.fast.tiles import aligned, tile_count
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT, Splats
 
 LISTED: Final = 1 << 20
 """Maximum number of intersections, 8 bytes each, that are listed at once, unless there are more splats than that."""

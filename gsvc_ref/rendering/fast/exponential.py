@@ -4,8 +4,8 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.constants import ONE
 from gsvc_ref._jit import kernel, without_contraction
-from gsvc_ref.constants import ONE
 
 K1: Final = np.float32(float.fromhex("-0x1.ffffc8p-5"))
 K2: Final = np.float32(float.fromhex("0x1.fff2fp-10"))

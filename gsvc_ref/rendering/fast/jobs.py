@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8, I8
 from gsvc_ref.rendering.fast.batches import Batch, Buffers, gather_batch, room_for_batch
 from gsvc_ref.rendering.fast.binning import Bins, intersections_of
 from gsvc_ref.rendering.fast.regions import Regions, any_dirty

@@ -11,9 +11,9 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from gsvc_base.arrays import F4, I4
+from gsvc_base.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, I4
-from gsvc_ref.constants import SMALLEST_NORMAL, SUPPORT_RADIUS
 from gsvc_ref.rendering.fast.tiles import TILE_WIDTH
 
 ELLIPSE: Final = SUPPORT_RADIUS * (1 + 2.0**-18)

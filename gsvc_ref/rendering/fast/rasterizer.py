@@ -5,7 +5,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4, I8
+from gsvc_base.arrays import F4, I8
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.rendering.fast.batches import Buffers, bytes_of_thread
 from gsvc_ref.rendering.fast.binning import Binning, Bins
 from gsvc_ref.rendering.fast.jobs import LOSS_AND_GRADIENTS, Job, covered_task, gradients_task, run_task
@@ -13,7 +14,6 @@ from gsvc_ref.rendering.fast.regions import Regions
 from gsvc_ref.rendering.fast.sums import MOMENTS
 from gsvc_ref.rendering.fast.threads import run_tasks, thread_count
 from gsvc_ref.rendering.fast.tiles import aligned, tile_count
-from gsvc_ref.splats import PARAMETERS_PER_SPLAT
 
 BUFFERS_BYTES: Final = 54 << 20
 """Maximum size of the buffers and batches of all threads, but for weights that are kept; there are fewer threads if

@@ -12,9 +12,9 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref._jit import kernel, without_contraction
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.constants import HALF, SUPPORT_SQUARED
 from gsvc_ref.rendering.fast.batches import INDEX, KEPT_AT, NOWHERE, Batch, Buffers
 from gsvc_ref.rendering.fast.exponential import exp_minus_half, exp_minus_half_strict
 from gsvc_ref.rendering.fast.projection import BLUE, GREEN, R1, R2, RED, F, L, X, Y, row_range

@@ -10,8 +10,8 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from typing import Any
 
+from gsvc_base.errors import UsageError
 from gsvc_ref._compiler import numba
-from gsvc_ref.errors import UsageError
 from gsvc_ref.processes import processors
 
 _pool: ThreadPoolExecutor | None = None

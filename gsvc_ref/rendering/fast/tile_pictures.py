@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import ONE
 from gsvc_ref._jit import kernel
-from gsvc_ref.arrays import F4, F8
-from gsvc_ref.constants import ONE
 from gsvc_ref.rendering.fast.tiles import CHANNELS, ROW, TILE_WIDTH, ZERO, aligned, tile_count
 
 

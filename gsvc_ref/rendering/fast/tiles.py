@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_ref.arrays import F4
+from gsvc_base.arrays import F4
 
 TILE_WIDTH: Final = 16
 assert TILE_WIDTH.bit_count() == 1 < TILE_WIDTH, "lanes are added half to half: a power of two"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gsvc_ref.arrays import F4, I8
+from gsvc_base.arrays import F4, I8
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.main import differences

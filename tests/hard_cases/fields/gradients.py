@@ -5,11 +5,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.splats import Splats
 from gsvc_conformance.case import cases
 from gsvc_conformance.operation import Values, operations
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
-from gsvc_ref.splats import Splats
 from tests.hard_cases.catalogue import Entry, HardCase, LongRun
 from tests.hard_cases.measuring import Measurement, Variant, implementations, measure, mutated
 from tests.hard_cases.naive import gradients as naive

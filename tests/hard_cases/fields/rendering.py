@@ -4,10 +4,10 @@ from typing import Final
 
 from numpy.typing import NDArray
 
+from gsvc_base.splats import Splats
 from gsvc_conformance.operation import Values
 from gsvc_ref import rendering
 from gsvc_ref.rendering import Precision
-from gsvc_ref.splats import Splats
 from tests.hard_cases.catalogue import Entry, HardCase
 from tests.hard_cases.measuring import Variant, mutated
 from tests.hard_cases.naive import rendering as naive

@@ -6,11 +6,11 @@ from typing import Final
 
 import numpy as np
 
+from gsvc_base.errors import ERROR_KINDS, GsvcError
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.bitstream.rules import kind_of
-from gsvc_ref.errors import ERROR_KINDS, GsvcError
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamSummary
 
 RULE: Final = re.compile(r"R-([3-8]|15)(\.\d+)?-\d+")

@@ -7,8 +7,8 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
-from gsvc_ref.draws import Draws
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
     RICH_HEADER,

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import Element, encode_uv
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import join_chunks
 

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_reader import Reader
@@ -14,7 +15,6 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import ERROR_KINDS, GsvcError, UsageError
 from gsvc_ref.video.images import ImageReader
 from gsvc_ref.video.png import PNG_SIGNATURE
 from gsvc_ref.video.stream import VideoReader

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
+from gsvc_base.errors import GsvcError
 from gsvc_conformance.reference import (
     decode_stream_deterministic,
     read_main_stream,
@@ -21,7 +22,6 @@ from gsvc_conformance.reference import (
 )
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.rendering import Precision, rendering_work
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter
 

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
+from gsvc_base.cli.text import to_json
+from gsvc_base.errors import UsageError
 from gsvc_lab.accuracy import GROUPS, Source, accuracy_html, accuracy_object, markdown, measure_accuracy, page
 from gsvc_lab.accuracy.encoding import Curve, encoding_curve, thinned
 from gsvc_lab.accuracy.measure import pareto
@@ -18,9 +20,7 @@ from gsvc_lab.accuracy.sources import clip_source, scene_source
 from gsvc_lab.accuracy.tables import number, time_text
 from gsvc_lab.cli.accuracy import describe
 from gsvc_lab.pages.charts import Axis, Point, Series, plot
-from gsvc_ref.cli.text import to_json
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 
 JIT = not numba.config.DISABLE_JIT
 ROWS, COLUMNS = (24, 40) if JIT else (10, 16)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_lab.accuracy.cutoff import cut_sum, support_sigma
 from gsvc_ref.rendering import LN_255, render_sum
-from gsvc_ref.splats import Splats
 
 WIDTH, HEIGHT = 45, 37
 

@@ -6,11 +6,11 @@ import numba
 import numpy as np
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.accuracy.groups import ENCODING, GROUP_NAMES, GROUPS, check_names, thread_counts
 from gsvc_lab.accuracy.sources import scene_source
 from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, Training
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.errors import UsageError
 from gsvc_ref.rendering import PRECISIONS
 from gsvc_ref.training import NEW, Population, fine_tune, image_start
 

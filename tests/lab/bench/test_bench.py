@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import ffmpeg, planes, runner
 from gsvc_lab.bench.measure import Point
 from gsvc_lab.bench.page import bench_html
 from gsvc_lab.bench.planes import PlanarClip
 from gsvc_lab.cli import bench
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 

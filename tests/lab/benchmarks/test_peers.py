@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_ref.rendering import Objective, render_frame
-from gsvc_ref.splats import Splats
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 peers = pytest.importorskip("gsvc_lab.benchmarks.peers", reason="gsvc_lab.benchmarks is only in a checkout")

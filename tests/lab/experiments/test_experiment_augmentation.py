@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from gsvc_base.splats import Splats
 from gsvc_lab.experiments import augmentation, jumping
 from gsvc_lab.experiments.jumping import CASES, QUICK_WAYS, WAYS, Jump, Outcome, Size
-from gsvc_ref.splats import Splats
 
 TINY = Size(32, 18, 18, 20, (5, 10), (0,))
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from tiny_clips import tiny_clip
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.clips import UVG_COLOR, as_frame, as_picture, file_clip, resized, scene_clip, uvg_clip, uvg_paths
 from gsvc_lab.experiments.material import given_clips, preferred, stills
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import VideoFormat, open_writer, to_planes
 
 SIZE = (32, 16)

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from tiny_clips import tiny_clip
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.experiments.ablation import WEIGHTS, variant
 from gsvc_lab.experiments.encodes import decoded_ms_ssim, encoded, excerpt, fitted_frames, held, joined, shortened
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import UsageError
 
 
 def test_shortened_settings_keep_the_fractions_of_the_schedule():

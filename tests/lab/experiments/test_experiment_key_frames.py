@@ -4,11 +4,11 @@ import statistics
 import pytest
 from tiny_clips import silent, tiny_clip
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.experiments import key_frames
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.key_frames import Plan, drops, measure, thresholds, verdict
 from gsvc_ref.encoder.key_frames import select_key_frames
-from gsvc_ref.errors import UsageError
 
 TINY = Plan((32, 24), 6, 30, 6, 6, 2e-2, 4)
 

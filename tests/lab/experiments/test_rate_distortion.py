@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("matplotlib", reason="figures need the extra experiments")
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.bench import codecs, coders, compare, ffmpeg, measure, tables
 from gsvc_lab.bench.bd_rate import bd_rate, efficient, mean_ratio, rate_at
 from gsvc_lab.bench.planes import from_file, from_frames, from_raw
@@ -21,7 +22,6 @@ from gsvc_lab.experiments.rate_distortion.speed import Seconds
 from gsvc_lab.experiments.rate_distortion.tables import layers_table
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
-from gsvc_ref.errors import UsageError
 
 AVC, HEVC, AV1, VVC = codecs.CODECS
 FIRST = {codec.standard: codec.label() for codec in codecs.CODECS}

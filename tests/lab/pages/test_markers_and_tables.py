@@ -2,9 +2,9 @@
 
 import pytest
 
-from gsvc_lab.pages.markers import check_markers, put_between, replaced
-from gsvc_lab.pages.tables import Markup, html_table, markdown_table
-from gsvc_ref.errors import UsageError
+from gsvc_base.errors import UsageError
+from gsvc_base.pages.markers import check_markers, put_between, replaced
+from gsvc_base.pages.tables import Markup, html_table, markdown_table
 
 BEGIN, END = "<!-- begin: a command -->", "<!-- end -->"
 

@@ -9,12 +9,13 @@ from html_pages import parsed
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
+from gsvc_base.pages.page import Figure
 from gsvc_lab.pages import pictures
 from gsvc_lab.pages.charts import LEFT, RIGHT, WIDTH, Axis, Scale, color_classes, nice_ticks, share_bar
-from gsvc_lab.pages.data import Choice, Figure, FrameRecord, PictureRow, ReportData, condensed
+from gsvc_lab.pages.data import Choice, FrameRecord, PictureRow, ReportData, condensed
 from gsvc_lab.pages.frame_charts import bits_chart, psnr_chart
 from gsvc_lab.pages.report import report_html, write_report
-from gsvc_ref.errors import UsageError
 
 
 def wide(chart):

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from html_pages import parsed
 
+from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.pages.data import FrameRecord, condensed
 from gsvc_lab.pages.glossary import WORDS
@@ -19,8 +21,6 @@ from gsvc_lab.scenes import Scene
 from gsvc_ref import Settings, encode, plugins
 from gsvc_ref.bitstream.coder import CATEGORIES, MAIN_CATEGORIES
 from gsvc_ref.cli import main
-from gsvc_ref.errors import UsageError
-from gsvc_ref.splats import Splats
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 
 FRAMES = 5

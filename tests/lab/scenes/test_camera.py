@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Camera, view
 from gsvc_lab.scenes.camera import Sizes
-from gsvc_ref.errors import UsageError
 
 
 def waves(height, width, period_x, period_y, shift=(0.0, 0.0)):

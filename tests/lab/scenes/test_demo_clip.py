@@ -4,8 +4,8 @@ import socket
 import numpy as np
 import pytest
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import PHOTOGRAPHS, Ball, demo_clip, demo_cut, paint_ball, photograph
-from gsvc_ref.errors import UsageError
 
 
 def as_bytes(**arguments):
@@ -31,7 +31,7 @@ def test_it_is_drawn_without_the_network(monkeypatch):
     def refuse(*_arguments, **_settings):
         raise AssertionError("the network was asked for")
 
-    monkeypatch.setattr(socket, "socket", refuse)
+    monkeypatch.setattr(socket.socket, "connect", refuse)  # the class is needed to load modules
     assert len(list(demo_clip(16, 16, 2))) == 2
 
 

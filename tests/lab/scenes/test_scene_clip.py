@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scene_cases import WAVES_SIZE, scene, waves, waves_file
 
+from gsvc_base.errors import GsvcError
 from gsvc_lab.scenes import EFFECTS, Base, Camera, Clip, Scene, effect_class, frames
 from gsvc_lab.scenes import seeds as seeds_module
 from gsvc_lab.scenes.camera import View
@@ -15,7 +16,6 @@ from gsvc_lab.scenes.effect import Effect
 from gsvc_lab.scenes.effects.cross_fade import CrossFade
 from gsvc_lab.scenes.effects.motion_blur import MotionBlur
 from gsvc_lab.scenes.paths import progress
-from gsvc_ref.errors import GsvcError
 from gsvc_ref.video import encode_png
 
 COLOR = {"color": (0.2, 0.4, 0.6)}

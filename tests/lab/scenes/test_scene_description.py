@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scene_cases import scene
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import EFFECTS, Base, Scene, effect_class, scene_names
 from gsvc_lab.scenes.built_in import scene_text
 from gsvc_lab.scenes.description import MAX_EFFECTS, MAX_PIXELS
@@ -18,7 +19,6 @@ from gsvc_lab.scenes.effects.pan import Pan
 from gsvc_lab.scenes.parameters import ParameterError, key_of, parameters
 from gsvc_lab.scenes.reference import reference_lines, reference_object
 from gsvc_lab.scenes.scene import MAX_FILE_BYTES
-from gsvc_ref.errors import UsageError
 
 DESCRIPTION = """
 title = "A pan and a cut"

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scene_cases import scene
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Clip, truth
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.brightness import Brightness
 from gsvc_lab.scenes.effects.flash import Flash
 from gsvc_lab.scenes.effects.highlight import Highlight
-from gsvc_ref.errors import UsageError
 
 CANVAS = Canvas(60, 40, 25)
 RAMP = np.broadcast_to(np.linspace(0, 1, 60, dtype=np.float32)[None, :, None], (40, 60, 3))

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from scene_cases import scene
 
+from gsvc_base.draws import Draws
 from gsvc_lab.scenes import Clip, truth
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.grain import Grain
 from gsvc_lab.scenes.effects.noise import Noise
-from gsvc_ref.draws import Draws
 
 CANVAS = Canvas(256, 200, 10)
 

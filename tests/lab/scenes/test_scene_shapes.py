@@ -7,13 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scene_cases import scene
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Clip, paint_ball, truth
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.distances import polygon_distance, segment_distance
 from gsvc_lab.scenes.effects.shape import Shape
 from gsvc_lab.scenes.outlines import Pose, regular_polygon, round_distance
 from gsvc_lab.scenes.shapes import Ball
-from gsvc_ref.errors import UsageError
 
 CANVAS = Canvas(60, 48, 25)
 GREY = np.full((48, 60, 3), 0.5, np.float32)

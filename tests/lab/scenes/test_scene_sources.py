@@ -9,8 +9,8 @@ import pytest
 from scene_cases import scene
 
 import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Scene, frames
-from gsvc_ref.errors import UsageError
 from gsvc_ref.video import open_video
 
 QUICK = gsvc_ref.Settings.quick(splats=8)

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scene_cases import scene
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Clip, truth
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.text import Text
 from gsvc_lab.scenes.stroke_font import CHARACTERS, text_width
-from gsvc_ref.errors import UsageError
 
 CANVAS = Canvas(120, 80, 20)
 GREY = np.full((80, 120, 3), 0.4, np.float32)

@@ -6,10 +6,10 @@ import pytest
 from scene_cases import scene, waves_file
 from scipy.ndimage import map_coordinates
 
+from gsvc_base.errors import UsageError
 from gsvc_lab.scenes import Clip, Scene, ground_truth, scene_names, truth
 from gsvc_lab.scenes.effect import ObjectEffect, WarpEffect
 from gsvc_lab.scenes.ground_truth import check_truth_size, write_truth
-from gsvc_ref.errors import UsageError
 
 COLOR = {"color": (0.2, 0.4, 0.6)}
 PAN = {"kind": "pan", "from": (0.4, 0.5), "to": (0.6, 0.5), "span": 0.5}

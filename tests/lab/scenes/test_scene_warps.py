@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scene_cases import WAVES_SIZE, scene, waves, waves_file
 
+from gsvc_base.draws import Draws
 from gsvc_lab.scenes import Clip, Scene, truth
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effects.sway import Sway
 from gsvc_lab.scenes.effects.water import Water
-from gsvc_ref.draws import Draws
 
 CANVAS = Canvas(240, 200, 20)
 

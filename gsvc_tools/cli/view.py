@@ -1,0 +1,183 @@
+"""``gsvc view``: the viewer in a browser of this machine, with a stream and its source."""
+
+import os
+import sys
+import time
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NoReturn
+
+from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.text import show
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_ref.cli.files import MAGIC_RULE, STDIO, check_input, display_name, open_stream
+
+if TYPE_CHECKING:
+    from gsvc_ref.video import VideoFormat
+    from gsvc_tools.viewing.server import Server
+    from gsvc_tools.viewing.source_frames import SourceFrames
+    from gsvc_tools.viewing.streams import StreamBytes
+
+GSVC_VIEW: Final = "gsvc view"
+LOOK_S: Final = 0.5
+"""Seconds between two looks at what comes."""
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the subparsers of ``gsvc``."""
+    parser = commands.add_parser(
+        "view",
+        help="look at a .gsvc file in a browser, beside its source",
+        description="Look at a .gsvc file in a browser: its frames, splats and layers, and what is left of a damaged "
+        "file. With the source: both side by side, their difference, and the PSNR of each frame. The page is served "
+        "to this machine alone, until Ctrl-C.",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(run=run)
+    parser.add_argument("input", metavar="FILE", help="a .gsvc file, or - for standard input, which is live")
+    parser.add_argument(
+        "source", metavar="SOURCE", nargs="?",
+        help="the video that it was encoded from: whatever gsvc encode reads, but no pipe",
+    )  # fmt: skip
+    parser.add_argument(
+        "--live", action="store_true", help="follow a file that gsvc encode --live is writing, or is going to write"
+    )
+    parser.add_argument("--no-browser", action="store_true", help="open no browser: print the address, and only that")
+    parser.add_argument(
+        "--source-from", type=whole, default=0, metavar="K",
+        help="frame 0 of FILE is frame K of SOURCE, as after gsvc encode --frames K:",
+    )  # fmt: skip
+    parser.add_argument("--port", type=whole, default=0, metavar="P", help="the port; default: one that is free")
+
+
+def run(arguments: Namespace) -> int:
+    """Serve until Ctrl-C; 130, as of every command that it ends."""
+    _check(arguments)
+    from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
+    from gsvc_tools.viewing.server import Viewing, serving
+
+    with compilation_notice(GSVC_VIEW, silent=arguments.no_browser):
+        stream, source = _opened(arguments)
+    try:
+        name = "standard input" if arguments.input == STDIO else Path(arguments.input).name
+        with serving(Viewing(name, stream, source), arguments.port) as server:
+            _introduce(arguments, server)
+            _watch(arguments.input, stream)
+    except KeyboardInterrupt:
+        say(GSVC_VIEW, "ended; the page goes on with what it has read")
+        return EXIT_INTERRUPTED
+    finally:
+        stream.close()
+        if source is not None:
+            source.close()
+
+
+def _watch(name: str, stream: "StreamBytes") -> NoReturn:
+    """Wait for Ctrl-C, and look at what comes until it is known to be a stream.
+
+    Raises
+    ------
+    GsvcError
+        It is none.
+    OSError
+        What comes cannot be kept.
+    """
+    from gsvc_ref.bitstream.chunks import MAGIC
+
+    known = not stream.live
+    while True:
+        time.sleep(LOOK_S)
+        if stream.fault is not None:
+            raise stream.fault
+        if not known and (known := stream.size() >= len(MAGIC)) and stream.read(0, len(MAGIC)) != MAGIC:
+            message = f"{display_name(name)} is no GSVC stream; encode a video first: gsvc encode IN - --live"
+            raise GsvcError("malformed", message, rule=MAGIC_RULE, bit=0)
+
+
+def _check(arguments: Namespace) -> None:
+    if not 0 <= arguments.port <= 65535:
+        raise UsageError(f"--port is {arguments.port}; a port is a number from 1 to 65535")
+    if arguments.source_from < 0 or (arguments.source_from and arguments.source is None):
+        raise UsageError(f"--source-from is {arguments.source_from}; it is the number of a frame of SOURCE, 0 or more")
+    waits = arguments.live and arguments.input != STDIO and not Path(arguments.input).exists()
+    if not waits:
+        check_input(arguments.input)
+    elif not Path(arguments.input).absolute().parent.is_dir():
+        raise UsageError(f"the folder of {arguments.input} does not exist; check the name")
+    if arguments.source == STDIO:
+        raise UsageError("the source is read more than once, so it cannot be a pipe: give a file")
+    if arguments.source is not None:
+        check_input(arguments.source, folder_allowed=True)
+
+
+def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
+    """The stream, which must be one unless it is live, and the source, which must fit it."""
+    from gsvc_ref.video import open_video
+    from gsvc_tools.viewing.source_frames import SourceFrames
+    from gsvc_tools.viewing.streams import GrowingFile, Pipe, WholeFile
+
+    live = arguments.live or arguments.input == STDIO
+    if not live:
+        with open_stream(arguments.input) as opened:
+            video = opened.format
+        if arguments.source is not None:
+            with open_video(arguments.source) as reader:
+                _check_fits(arguments, video, reader.format)
+    source = None if arguments.source is None else SourceFrames(arguments.source, arguments.source_from)
+    if arguments.input == STDIO:
+        return Pipe(sys.stdin.buffer), source
+    return (GrowingFile if live else WholeFile)(Path(arguments.input)), source
+
+
+def _check_fits(arguments: Namespace, video: "VideoFormat", source: "VideoFormat") -> None:
+    for what, ours, other in (
+        ("pixels", f"{video.width}x{video.height}", f"{source.width}x{source.height}"),
+        ("bits per sample", str(video.bit_depth), str(source.bit_depth)),
+    ):
+        if ours != other:
+            raise UsageError(
+                f"{arguments.source} has {other} {what} and {arguments.input} {ours}; only equal ones can be compared: "
+                "convert the source first, or leave it out"
+            )
+
+
+def _introduce(arguments: Namespace, server: "Server") -> None:
+    """Say where it is, and open the browser."""
+    if arguments.no_browser:
+        show(server.url)
+        return
+    beside = f" beside {display_name(arguments.source)}" if arguments.source else ""
+    show(f"{display_name(arguments.input)}{beside}: {server.url}", "  Ctrl-C ends it")
+    if arguments.live and not Path(arguments.input).exists() and arguments.input != STDIO:
+        show(f"  note: {arguments.input} is not there yet; it is shown as soon as gsvc encode --live writes it")
+    for note in _open_browser(server):
+        show(f"  note: {note}")
+
+
+def _open_browser(server: "Server") -> list[str]:
+    """Open it, if there is one here for people to see; else sentences that say what to do."""
+    import webbrowser
+
+    if reason := elsewhere():
+        port = server.server_port
+        return [
+            f"no browser is opened, since {reason}; on the machine that you sit at, "
+            f"ssh -L {port}:127.0.0.1:{port} HOST, and open the address there"
+        ]
+    if not webbrowser.open(server.url):
+        return ["no browser was found: open the address in one"]
+    return []
+
+
+def elsewhere() -> str:
+    """Why a browser of this machine would not be seen by who gave the command; empty: it would."""
+    if sys.platform in ("win32", "darwin"):
+        return "this is a session of SSH" if os.environ.get("SSH_CONNECTION") else ""
+    display = os.environ.get("DISPLAY", "")
+    if not display and not os.environ.get("WAYLAND_DISPLAY"):
+        return "there is no display here"
+    host = display.rpartition(":")[0]
+    if host not in ("", "unix") and not os.environ.get("WAYLAND_DISPLAY"):
+        return f"the display {display} is that of another machine"
+    return ""
