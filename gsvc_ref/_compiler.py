@@ -7,6 +7,7 @@ from gsvc_base.errors import UsageError
 
 try:
     import numba
+    import numba.extending
 except ValueError as error:
     VARIABLES = ", ".join(name for name in os.environ if name.startswith("NUMBA_"))
     raise UsageError(f"Numba does not start ({str(error).rstrip('.')}): correct or unset {VARIABLES}") from None

@@ -1,15 +1,18 @@
 """One typed decorator around Numba, so that every kernel is compiled by the same rules."""
 
+import functools
 import types
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar, cast
+from typing import Any, Final, ParamSpec, TypeVar, cast
 
 from gsvc_ref._compiler import numba
-from gsvc_ref._kernel_cache import KernelCache, kernel_folder
-from gsvc_ref._kernel_parts import PARTS, Part, RememberingCompiler
+from gsvc_ref._kernel_cache import keep
 
 P = ParamSpec("P")
 R = TypeVar("R")
+
+config: Any = numba.config
+OPTIONS: Final = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 
 
 def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -27,29 +30,31 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        if config.DISABLE_JIT:
+            return function
         # Where nothing is said about contraction, Numba compiles a kernel as it does the one that calls it first.
-        fastmath = {"contract"} if contract else False
-        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
-        if PARTS:
-            options |= {"no_cfunc_wrapper": True, "pipeline_class": RememberingCompiler}
+        options: Any = OPTIONS | {"fastmath": {"contract"} if contract else False}
         if inline:
             options["forceinline"] = True
-        compiled: Any = numba.njit(**options)(function)
-        if compiled is not function:  # it is where the compiler is switched off
-            _keep(compiled, function)
-            if PARTS:
-                part = Part(compiled)
-                compiled.get_call_template, compiled.get_overload = part.get_call_template, part.get_overload
-        return cast(Callable[P, R], compiled)
+
+        @functools.cache  # most kernels are never called from Python
+        def dispatcher() -> Any:
+            return keep(numba.njit(**options)(function))
+
+        @functools.wraps(function)
+        def call(*arguments: P.args, **named: P.kwargs) -> R:
+            return cast(R, dispatcher()(*arguments, **named))
+
+        # Kernels that call this one compile it as part of themselves. The dispatcher would also make a function that
+        # takes Python's objects, and keep it on disk: half of the time of a first start.
+        @numba.extending.overload(call, jit_options=options, strict=False)
+        def part(*arguments: Any, **named: Any) -> Callable[P, R]:
+            return function
+
+        call.__dict__["dispatcher"] = dispatcher
+        return call
 
     return decorate
-
-
-def _keep(compiled: Any, function: Callable[..., Any]) -> None:
-    """Let Numba keep what it compiles in our folder."""
-    folder = kernel_folder(function.__module__.partition(".")[0])
-    if folder is not None:
-        compiled._cache = KernelCache(function, folder)
 
 
 def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P, R]:
@@ -62,7 +67,7 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     names
         Values of global names of its module in the twin, where it calls kernels that have twins themselves.
     """
-    plain = cast(types.FunctionType, getattr(contracted, "py_func", contracted))
+    plain = cast(types.FunctionType, getattr(contracted, "__wrapped__", contracted))
     name = f"{plain.__name__}_strict"
     twin = types.FunctionType(plain.__code__, {**plain.__globals__, **names}, name)
     twin.__qualname__ = name  # Numba's cache knows functions by it

@@ -5,26 +5,24 @@ file it would go on running the old one.
 """
 
 import os
-import pickle
 import shutil
 import stat
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache, cached_property
+from functools import cache
 from glob import glob
 from hashlib import sha256
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final
 
-from numba.core import codegen, config
+from numba import config, version_info
 from numba.core import runtime as numba_runtime
-from numba.core.caching import FunctionCache, IndexDataCacheFile
-from numba.core.environment import Environment, _rebuild_env
+from numba.core.caching import FunctionCache
 
 import gsvc_base
-from gsvc_ref._kernel_parts import PARTS
 
 PACKAGE: Final = Path(__file__).resolve().parent
 BASE: Final = Path(gsvc_base.__file__).resolve().parent
@@ -32,34 +30,36 @@ BASE: Final = Path(gsvc_base.__file__).resolve().parent
 WITHOUT_KERNELS: Final = ("cli", "exact", "pages", "testing")
 """Folders of both that no kernel comes from, so that a change there costs no compilation."""
 
+TESTED: Final = (0, 61) <= version_info.short <= (0, 68)
+"""Whether Numba is one of those whose inside the tests have seen. Another reads its cache in its own way."""
 
-class KernelCache:
-    """What Numba asks for the compiled forms of one function; its faults are not those of the program that runs.
+_setting = Lock()
 
-    What cannot be read is compiled anew, and what cannot be written, as on a full disk, is not kept. Numba's own cache
-    stands behind it. It is made when a form is first asked for, since it looks at files and tries to write: most
-    kernels are part of others, or are never called.
-    """
 
-    def __init__(self, function: Callable[..., Any], folder: Path) -> None:
-        self._function, self._folder = function, folder
-
-    @cached_property
-    def _numbas(self) -> Any:
-        """Numba's cache in our folder; its own setting, which belongs to the whole process, stays."""
-        settings: Any = config
-        before, settings.CACHE_DIR = settings.CACHE_DIR, str(self._folder)
+def keep(dispatcher: Any) -> Any:
+    """Let Numba keep what a dispatcher compiles in our folder; its own setting, of the whole process, stays."""
+    function = dispatcher.py_func
+    folder = kernel_folder(function.__module__.partition(".")[0])
+    if folder is None:
+        return dispatcher
+    settings: Any = config
+    cached: Any = KernelCache
+    with _setting, suppress(OSError, RuntimeError):  # the folder went away, or the function stands in no file
+        before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
         try:
-            return _FunctionCache(self._function)
-        except (OSError, RuntimeError):  # the folder went away, or the function stands in no file
-            return None
+            kept: Any = cached(function)
         finally:
             settings.CACHE_DIR = before
+        if Path(kept.cache_path).is_relative_to(folder):  # not elsewhere, where no digest tells of changes
+            dispatcher._cache = kept
+    return dispatcher
 
-    @property
-    def cache_path(self) -> str | None:
-        """The folder in which Numba keeps the forms of this function; None if it cannot."""
-        return None if self._numbas is None else str(self._numbas.cache_path)
+
+class KernelCache(FunctionCache):
+    """Numba's cache of one function, whose faults are not those of the program that runs.
+
+    What cannot be read is compiled anew, and what cannot be written, as on a full disk, is not kept.
+    """
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Load the compiled form for a signature, or None.
@@ -67,92 +67,26 @@ class KernelCache:
         Numba would first make the tables of all functions that can be compiled, for which it imports SciPy's linear
         algebra too: a third of a second. Machine code needs its runtime alone; what is compiled makes the tables.
         """
-        if self._numbas is None:
-            return None
+        numbas: Any = super()
         runtime: Any = numba_runtime
-        load = getattr(self._numbas, "_load_overload", self._numbas.load_overload)
         try:
-            runtime.rtsys.initialize(target)
-            found = load(signature, target)
+            if TESTED:
+                runtime.rtsys.initialize(target)
+                found = numbas._load_overload(signature, target)
+            else:
+                found = numbas.load_overload(signature, target)
         except Exception:  # a damaged file may raise anything when it is unpickled
-            self.flush()
+            with suppress(OSError):
+                numbas.flush()
             return None
         # Numba's index and data are two files, which processes that write at the same time may mix.
         return found if found is not None and tuple(found.signature.args) == tuple(signature) else None
 
     def save_overload(self, signature: Any, compiled: Any) -> None:
-        """Keep a compiled form, if that can be done.
-
-        Numba would keep the code for LLVM too, for other kernels that call this one, and parse it at each start. Ours
-        compile what they call themselves (`_kernel_parts`), so only the name stays by which Python's entry is found.
-        """
-        if self._numbas is None:
-            return
-        if PARTS:
-            library, entry = compiled.library, compiled.fndesc.llvm_cpython_wrapper_name
-            numbas: Any = codegen
-            names = numbas.ll.parse_assembly(f'define void @"{entry}"() {{ ret void }}').as_bitcode()
-            library.serialize_using_object_code = lambda: (
-                library.name, "object", (library._get_compiled_object(), names)
-            )  # fmt: skip
-        with suppress(OSError):
-            self._numbas.save_overload(signature, compiled)
-
-    def flush(self) -> None:
-        """Forget all forms."""
-        if self._numbas is not None:
-            with suppress(OSError):
-                self._numbas.flush()
-
-
-class _FunctionCache(FunctionCache):
-    """Numba's cache of one function, with files that are read by `_Loader`."""
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        numba_cache: Any = super()
-        numba_cache.__init__(function)
-        file: Any = _KernelFile
-        self._cache_file: Any = file(
-            cache_path=self._cache_path,
-            filename_base=self._impl.filename_base,
-            source_stamp=self._impl.locator.get_source_stamp(),
-        )
-
-
-class _KernelFile(IndexDataCacheFile):
-    def _load_data(self, name: str) -> Any:
-        numbas: Any = self
-        with open(numbas._data_path(name), "rb") as file:
-            return _Loader(file).load()
-
-
-class _Loader(pickle.Unpickler):
-    """Reads a compiled form without importing the modules of Numba whose functions are part of it.
-
-    Of such a module the machine code needs nothing: an *environment* holds constants, and the module's globals for
-    code that is interpreted, which kernels are not. Numba would import its arrays for every ``np.empty``, and with them
-    its strings: 0.1 seconds.
-    """
-
-    def find_class(self, module: str, name: str) -> Any:
-        """The class or function of a name in the file."""
-        found = super().find_class(module, name)
-        return _rebuilt_environment if found is _rebuild_env else found
-
-
-def _rebuilt_environment(module: str, constants: list[Any], name: str) -> Any:
-    """Numba's environment of this name, or a new one that holds constants."""
-    rebuild: Any = _rebuild_env
-    if not module.startswith("numba.") or module in sys.modules:
-        return rebuild(module, constants, name)
-    environment: Any = Environment
-    if (made := environment._memo.get(name)) is not None:
-        return made
-    made = environment({"__name__": module})
-    made.consts[:] = constants
-    made.env_name = name
-    environment._memo[name] = made
-    return made
+        """Keep a compiled form, if that can be done."""
+        numbas: Any = super()
+        with suppress(Exception):  # besides a full disk: an index that is damaged, and a kernel inside a function
+            numbas.save_overload(signature, compiled)
 
 
 @cache

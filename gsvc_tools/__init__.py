@@ -1,16 +1,23 @@
 """gsvc_tools: what makes the codec gsvc_ref pleasant to use, a plug-in of the same distribution.
 
 gsvc_ref has what a decoder, the paper's training, or one readable encoder needs. What people want beside that stands
-here: `editing` joins and cuts streams, `splat_files` has splats in files of other formats, and `viewing` is the server
-of ``gsvc view``. With gsvc_tools installed, gsvc_ref has the functions ``concat`` and ``cut``, and ``gsvc`` has the
-commands ``view``, ``concat``, ``cut``, ``import`` and ``export``.
+here: `editing` joins and cuts streams, `splat_files` has splats in files of other formats, `viewing` is the server of
+``gsvc view``, and `video` reads and writes video files beyond y4m and pictures. With gsvc_tools installed,
+gsvc_ref has the functions ``concat`` and ``cut``, and ``gsvc`` has the commands ``view``, ``concat``, ``cut``,
+``import`` and ``export``.
 
 This module registers all of it through `gsvc_ref.plugins`. gsvc_tools imports gsvc_ref, and gsvc_ref nothing from here.
 """
 
 from gsvc_ref import plugins as _plugins
+from gsvc_tools.video.opening import TARGETS as _TARGETS
+from gsvc_tools.video.opening import open_file as _open_file
 
 _plugins.add_names({"concat": "gsvc_tools.editing", "cut": "gsvc_tools.editing"})
+
+_plugins.set_file_reader(_open_file)
+for _target in _TARGETS:
+    _plugins.add_target(_target)
 
 _plugins.add_command("view", "gsvc_tools.cli.view")
 _plugins.add_command("concat", "gsvc_tools.cli.concat")

@@ -72,7 +72,7 @@ from gsvc_ref.rendering.fast.batches import Batch, Buffers
 from gsvc_ref.rendering.fast.sums import add_batch
 batch = Batch(np.zeros((4, 4), np.int32), np.zeros((4, 16), np.float32))
 arguments = Buffers.of(8), 0, 0, 8, batch, 0, False, False
-fresh = numba.jit(**add_batch.targetoptions)(add_batch.py_func)
+fresh = numba.jit(**add_batch.dispatcher().targetoptions)(add_batch.__wrapped__)
 fresh.compile(tuple(map(numba.typeof, arguments)))  # it is not run: this machine may have no such vectors
 [code] = fresh.inspect_asm().values()
 print(code.count("zmm") > 100, code.count("ymm") > 100)

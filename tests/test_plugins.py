@@ -3,23 +3,26 @@
 import subprocess
 import sys
 from fractions import Fraction
+from importlib import import_module
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+import gsvc_ref
+from gsvc_base.errors import UsageError
 from gsvc_ref import cli, plugins
 from gsvc_ref.plugins import NamedSource
-from gsvc_ref.video import open_video
+from gsvc_ref.video import open_video, open_writer
 from gsvc_ref.video.format import ColorDescription, VideoFormat
 from gsvc_ref.video.stream import VideoReader
 
-WITHOUT_LAB = """
+WITHOUT = """
 import importlib.metadata, sys
 importlib.metadata.entry_points = lambda **_: ()
 from gsvc_ref.cli import main
 code = main({words!r})
-print("gsvc_lab" in sys.modules)
+print({"gsvc_tools", "gsvc_lab"} & set(sys.modules))
 sys.exit(code)
 """
 
@@ -49,9 +52,9 @@ def grey(monkeypatch):
     monkeypatch.setattr(plugins, "_sources", [*plugins._sources, NamedSource("grey:", ".grey", GreyReader)])
 
 
-def without_lab(*words):
+def without_plugins(*words):
     """What `gsvc` does where nothing else is installed."""
-    command = [sys.executable, "-c", WITHOUT_LAB.format(words=list(words))]
+    command = [sys.executable, "-c", WITHOUT.replace("{words!r}", repr(list(words)))]
     return subprocess.run(command, capture_output=True, text=True, timeout=120)
 
 
@@ -88,12 +91,33 @@ def test_the_laboratory_is_a_plugin():
     assert len(plugins.commands()) >= 3
 
 
-def test_the_codec_works_without_the_laboratory(tmp_path):
-    shown = without_lab("--help")
+def test_the_codec_works_without_plugins(tmp_path):
+    shown = without_plugins("--help")
     assert shown.returncode == 0
     assert "encode" in shown.stdout
     assert "scene" not in shown.stdout
-    assert shown.stdout.endswith("False\n")
-    refused = without_lab("encode", "scene:pan", str(tmp_path / "x.gsvc"))
+    assert "concat" not in shown.stdout
+    assert shown.stdout.endswith("set()\n")
+    refused = without_plugins("encode", "scene:pan", str(tmp_path / "x.gsvc"))
     assert refused.returncode == 2
     assert "there is no file 'scene:pan'" in refused.stderr
+
+
+def test_names_and_files_of_a_plugin_that_is_missing(monkeypatch, tmp_path):
+    for name in ("_names", "_file_readers", "_targets"):
+        monkeypatch.setattr(plugins, name, type(getattr(plugins, name))())
+    monkeypatch.delitem(vars(gsvc_ref), "concat", raising=False)
+    with pytest.raises(UsageError, match="needs gsvc_tools"):
+        gsvc_ref.concat  # noqa: B018
+    (tmp_path / "clip.mkv").write_bytes(b"\x1aE\xdf\xa3 and more")
+    with pytest.raises(UsageError, match="other formats need gsvc_tools"):
+        open_video(tmp_path / "clip.mkv")
+    with pytest.raises(UsageError, match=r"ends in \.y4m, \.png, a folder"):
+        open_writer(tmp_path / "copy.mp4", GreyReader("grey:1").format)
+
+
+def test_all_that_gsvc_ref_asks_for_is_offered():
+    assert set(gsvc_ref._OFFERED) == set(plugins._names)
+    assert set(cli.ORDER) == {*cli.MODULES, *plugins.commands()} - {"report", "bench", "accuracy", "scene", "demo"}
+    for name, module in plugins._names.items():
+        assert getattr(gsvc_ref, name) is getattr(import_module(module), name)

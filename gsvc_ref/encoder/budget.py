@@ -18,9 +18,10 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.curves import USUAL
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame import FrameEncoder
-from gsvc_ref.encoder.groups import GroupCoder
+from gsvc_ref.encoder.loop import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.setup import coder_of
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.formats import header_fields
@@ -244,6 +245,11 @@ class BudgetCoder:
         before = self._coder.state
         encoded: EncodedFrame = self._coder.encode(*frame)
         return encoded, chunk_bits(self._coder, self._video, before, encoded)
+
+
+def planned_coder(settings: Settings, video: VideoFormat, *, plans: Mapping[int, GroupPlan], most: int) -> BudgetCoder:
+    """The coder of a video that keeps to the plans of its groups; no frame gets more than `most` splats."""
+    return BudgetCoder(coder_of(settings, video), video, plans, most)
 
 
 def header_so_far(coder: GroupCoder, video: VideoFormat) -> SequenceHeader:

@@ -4,7 +4,7 @@ from concurrent.futures import Executor
 from pathlib import Path
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.encoder.encoder import encode_once
+from gsvc_ref.encoder.encode_once import encode_once
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.source_and_target import Source, Target, same_file

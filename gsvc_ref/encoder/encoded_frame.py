@@ -36,7 +36,7 @@ class EncodedLayer:
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """A frame as it is encoded.
+    """A frame as it is encoded: by its coder, and with what `loop.described` adds.
 
     Attributes
     ----------
@@ -51,11 +51,13 @@ class EncodedFrame:
     seconds
         Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
     decisions
-        The decisions made on the way.
+        The decisions of its coder; described, one about each effect.
     reason
-        Why the frame is of its type, where that was decided on the way.
+        Why the frame is of its type, if its coder has chosen that; described, in any case.
     layers
         The base and the layers above it; none of a frame that has no layers.
+    number, elapsed_s
+        Described: its number, and the seconds that it took.
     """
 
     codes: AnyCodes
@@ -66,6 +68,8 @@ class EncodedFrame:
     decisions: tuple[Decision, ...] = ()
     reason: str | None = None
     layers: tuple[EncodedLayer, ...] = ()
+    number: int = 0
+    elapsed_s: float = 0.0
 
     def has_chunk(self, part: EncodedLayer) -> bool:
         """Whether one of its layers has a chunk of its own: not the base, and not one that repeats with an R-frame."""

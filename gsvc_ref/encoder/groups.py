@@ -1,8 +1,6 @@
 """Groups of pictures, which are encoded each for itself, run by run.
 
-A *group* is a frame whose type was I from the start, with all frames up to the next such one. Nothing in it is
-predicted from another group, and its coder is `GroupCoder.for_group` of that of the stream's first frame. So it does
-not matter where and in which order groups are encoded: the bytes are those of one group after the other.
+`loop` says what a group is, and why it does not matter where and in which order groups are encoded.
 
 A *run* is some successive frames of a group, and the coder that the run before them left: all that another process
 needs, or another machine. What comes back are the encoded frames, and the coder for the next run. A run is short, so
@@ -17,14 +15,14 @@ from collections.abc import Sequence
 from concurrent.futures import Future
 from copy import copy
 from dataclasses import replace
-from typing import Final, NamedTuple, Protocol, Self
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
-from gsvc_ref.encoder.encoding import FrameCoder
 from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.encoder.resume import GroupInWork
 from gsvc_ref.paper import FrameType
 
@@ -40,23 +38,6 @@ MOST_BYTES: Final = 1 << 25
 
 I_FRAME: Final = 4
 """How many P-frames take as long as an I-frame, about."""
-
-
-class GroupCoder(FrameCoder[Frame], Protocol):
-    """What encodes the frames of one group of pictures after the other."""
-
-    @property
-    def decides_first(self) -> bool:
-        """Whether the first frame of a stream decides something for all of its groups."""
-
-    def decided(self) -> tuple[int, ...]:
-        """What that is, behind the first frame of a stream."""
-
-    def decide(self, decided: tuple[int, ...]) -> None:
-        """Take it from another coder of the stream; raises ValueError if it says no such thing."""
-
-    def for_group(self) -> Self:
-        """A coder for a group of pictures, with what the first frame of the stream has decided, and nothing else."""
 
 
 class EncodedRun(NamedTuple):
@@ -88,15 +69,11 @@ def encode_run(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, int]]
     for frame, kind, number in frames:
         begin = time.perf_counter()
         try:
-            made = coder.encode(frame, kind, number, say_nothing)
+            made = coder.encode(frame, kind, number, silent)
         except Exception as error:
             return EncodedRun(encoded, coder, _portable(error), traceback.format_exc())
         encoded.append((made, time.perf_counter() - begin))
     return EncodedRun(encoded, coder)
-
-
-def say_nothing(stage: str, done: int, iterations: int, psnr: float | None) -> None:
-    """Where nobody watches the iterations of a frame."""
 
 
 def _portable(error: Exception) -> Exception:

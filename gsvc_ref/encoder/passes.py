@@ -12,9 +12,10 @@ from typing import IO, cast
 from gsvc_base.errors import UsageError
 from gsvc_base.files import opened_output
 from gsvc_base.portable import log2, power
-from gsvc_ref.encoder.encoder import LedBy, encode_once
+from gsvc_ref.encoder.encode_once import encode_once
 from gsvc_ref.encoder.report import EncodeReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
+from gsvc_ref.encoder.setup import CoderMaker, coder_of
 from gsvc_ref.encoder.source_and_target import Target
 from gsvc_ref.metrics.libvmaf import MIN_SIDE
 from gsvc_ref.video import VideoReader
@@ -63,7 +64,7 @@ class Passes:
         return self._opened()
 
     def run(
-        self, reader: VideoReader, target: Target, settings: Settings, step: str, led_by: LedBy | None = None
+        self, reader: VideoReader, target: Target, settings: Settings, step: str, make_coder: CoderMaker = coder_of
     ) -> EncodeReport:
         """Encode once; a fault of the source ends it early, as it will end the last pass."""
 
@@ -76,14 +77,14 @@ class Passes:
             try:
                 return encode_once(
                     reader, target, settings, None, self._jobs, self._executor, show if self._progress else None,
-                    led_by=led_by,
+                    make_coder=make_coder,
                 )  # fmt: skip
             except IncompleteEncodeError as error:
                 self.fault = error
                 return error.report
 
     def tried(
-        self, reader: VideoReader, file: IO[bytes], settings: Settings, step: str, led_by: LedBy | None = None
+        self, reader: VideoReader, file: IO[bytes], settings: Settings, step: str, make_coder: CoderMaker = coder_of
     ) -> EncodeReport:
         """Encode once to a temporary file.
 
@@ -92,7 +93,7 @@ class Passes:
         KeyboardInterrupt
             It was interrupted.
         """
-        report = self.run(reader, cast("Target", file), settings, step, led_by)
+        report = self.run(reader, cast("Target", file), settings, step, make_coder)
         if report.interrupted:
             raise KeyboardInterrupt
         return report

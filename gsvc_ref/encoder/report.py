@@ -1,5 +1,6 @@
 """The progress of an encode while it runs, and its report when it is done."""
 
+import time
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,6 +10,7 @@ import numpy as np
 
 from gsvc_base.errors import ErrorKind, GsvcError
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.encoder.encoded_frame import OnStage
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.paper import FrameType
@@ -54,6 +56,43 @@ class Progress:
 
 
 OnProgress = Callable[[Progress], None]
+
+
+class ProgressReporter:
+    """Tells a function of the caller where an encode is.
+
+    Parameters
+    ----------
+    on_progress
+        The function; None: nobody asks.
+    frame_count
+        The number of frames, or None if the source does not say it.
+
+    Attributes
+    ----------
+    kept
+        The number of frames so far that an earlier encode has kept.
+    """
+
+    def __init__(self, on_progress: OnProgress | None, frame_count: int | None) -> None:
+        self._on_progress, self._frame_count = on_progress, frame_count
+        self._begin = time.perf_counter()
+        self.kept = 0
+
+    def show(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
+        """Tell the stage of a frame."""
+        if self._on_progress is None:
+            return
+        if self._frame_count is not None and frame >= self._frame_count:
+            self._frame_count = None  # the source has more frames than it said
+        elapsed = time.perf_counter() - self._begin
+        self._on_progress(
+            Progress(frame, self._frame_count, stage, iteration, iterations, psnr, elapsed, kept=self.kept)
+        )
+
+    def watch(self, number: int) -> OnStage:
+        """What is called with the stages of a frame."""
+        return lambda stage, iteration, iterations, psnr: self.show(stage, number, iteration, iterations, psnr)
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,12 @@ the disk. What is in a file is believed only if the source of each of its frames
 """
 
 import json
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, BinaryIO, Final, Protocol
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 
@@ -21,7 +21,11 @@ from gsvc_base.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
+from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.kept_group import GroupWriter, KeptGroup
+from gsvc_ref.encoder.loop import GroupCoder, described, encode_frame
+from gsvc_ref.encoder.recording import NothingSavedError
+from gsvc_ref.encoder.report import ProgressReporter
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.video import VideoFormat
 
@@ -41,14 +45,7 @@ BESIDE_THE_POINT: Final = ("threads",)
 """Settings that the bytes do not depend on."""
 
 
-class Decided(Protocol):
-    """What can be told what the first frame of a stream has decided."""
-
-    def decide(self, decided: tuple[int, ...]) -> None:
-        """Take it; raises ValueError if it says no such thing."""
-
-
-class ChangedSourceError(UsageError):
+class ChangedSourceError(NothingSavedError):
     """The source has other frames than the encode that is gone on with, whose target stays as it is."""
 
 
@@ -224,7 +221,7 @@ class GroupInWork:
         self._decided: tuple[int, ...] = ()
         self._is_whole = self._is_at_fault = False
 
-    def decide(self, coder: Decided) -> bool:
+    def decide(self, coder: GroupCoder) -> bool:
         """Let a coder know what the first frame decided, if this group has it and was kept."""
         if self.kept is None:
             return False
@@ -290,6 +287,48 @@ class GroupInWork:
             f"frame {self.first + number} of the source is not the one that was encoded before: give the source as it "
             f"was, or remove the folder {self._keeper.folder} to begin anew"
         )
+
+
+@contextmanager
+def opened_keeper(folder: str | Path | None, video: VideoFormat, settings: Settings) -> Iterator[Keeper | None]:
+    """What keeps groups of pictures in a folder, if there is one, closed at the end."""
+    if folder is None:
+        yield None
+        return
+    keeper = Keeper(Path(folder), about_encode(video, settings))
+    try:
+        yield keeper
+    finally:
+        keeper.close()
+
+
+def encode_kept(
+    frames: Iterable[TypedFrame[Frame]], coder: GroupCoder, keeper: Keeper, progress: ProgressReporter
+) -> Iterator[EncodedFrame]:
+    """Encode frames as `encode_frames` does; take the groups that were kept from the keeper, and keep the others."""
+    group: GroupInWork | None = None
+    decided: GroupCoder | None = None
+    for frame in frames:
+        if frame.type == "I" or group is None:
+            if group is not None:
+                group.end(is_last=False)
+            group = keeper.group(frame.number)
+            if decided is None:
+                group.decide(coder)
+            else:
+                coder = decided.for_group()
+        if (kept := group.take(frame.frame)) is not None:
+            progress.kept += 1
+            progress.show("encode", frame.number)
+            encoded, seconds = kept
+            yield described(encoded, frame, coder, seconds)
+        else:
+            encoded = encode_frame(frame, coder, progress.watch)
+            yield encoded
+            group.add(encoded, encoded.elapsed_s, coder.decided())
+        decided = decided or coder.for_group()
+    if group is not None:
+        group.end(is_last=True)
 
 
 def digest_of(frame: Frame) -> str:

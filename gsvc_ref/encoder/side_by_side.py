@@ -18,8 +18,11 @@ from typing import Final, NamedTuple, Self
 from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
-from gsvc_ref.encoder.groups import EncodedRun, Group, GroupCoder, encode_run
+from gsvc_ref.encoder.groups import EncodedRun, Group, encode_run
+from gsvc_ref.encoder.loop import GroupCoder, described
+from gsvc_ref.encoder.recording import Recording
 from gsvc_ref.encoder.resume import Keeper
+from gsvc_ref.encoder.setup import EncodeSetup
 from gsvc_ref.processes import Processes
 
 GROUPS_AHEAD: Final = 2
@@ -325,6 +328,39 @@ class _Leader:
                 return
             self._groups.popleft()
             self._outbox.put(_Written(0, 1))
+
+
+def encode_side_by_side(
+    setup: EncodeSetup, recording: Recording, jobs: int, executor: Executor | None, keeper: Keeper | None
+) -> None:
+    """Encode and record the frames of a video, groups of pictures in tasks for an executor."""
+
+    def on_first(coder: GroupCoder) -> None:
+        setup.plan.coder = coder
+
+    def on_frame(frame: TypedFrame[Frame], encoded: EncodedFrame, seconds: float) -> None:
+        recording.write(described(encoded, frame, setup.coder, seconds))
+
+    def on_progress(frames: int, groups: int, psnr: float) -> None:
+        setup.progress.kept = side.kept
+        setup.progress.show("groups", frames - 1, groups, jobs, psnr)
+
+    run_s: float | None = getattr(executor, "run_s", None)  # a cluster says how long tasks are best
+    side = SideBySide(
+        setup.coder, jobs, executor, on_first, on_frame, on_progress, keeper,
+        run_s=run_s, longest_first=run_s is not None,
+    )  # fmt: skip
+    try:
+        with side:
+            try:
+                for frame in setup.frames():
+                    side.put(frame)
+                side.finish()
+            except BaseException:
+                recording.interrupts.held = True  # processes are being ended
+                raise
+    finally:
+        recording.is_broken |= not side.is_over
 
 
 def in_turn(groups: Iterable[Group], jobs: int) -> list[Group]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from io import FileIO
 from itertools import chain
 from pathlib import Path
-from typing import Any, BinaryIO, Final, cast
+from typing import Any, BinaryIO, Final, Generic, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from gsvc_ref.video.stream import PassingReader
 
 Source = str | Path | BinaryIO | VideoSource | VideoReader | tuple[Iterable[Frame], VideoFormat] | Iterable[Frame]
 Target = str | Path | BinaryIO
+FrameT = TypeVar("FrameT")
 
 DEFAULT_FRAME_RATE: Final = 25
 """Frames per second of arrays for which none is given."""
@@ -39,6 +40,37 @@ class FrameSource(PassingReader):
             except UsageError as error:
                 raise UsageError(f"frame {number}: {error}") from None
             yield np.array(frame)  # the caller may fill the same array again
+
+
+class SoundFrames(Generic[FrameT]):
+    """The frames of a source up to its first fault, so that those read before it are still encoded.
+
+    Attributes
+    ----------
+    fault
+        What ended the frames early, if anything did so far.
+    """
+
+    def __init__(self, frames: Iterable[FrameT]) -> None:
+        self._frames = frames
+        self.fault: Exception | None = None
+
+    def __iter__(self) -> Iterator[FrameT]:
+        frames = iter(self._frames)
+        while True:
+            try:
+                frame = next(frames)
+            except StopIteration:
+                return
+            except Exception as error:
+                self.fault = error
+                return
+            yield frame
+
+    def check(self) -> None:
+        """Raise the fault of the source, if it has one."""
+        if self.fault is not None:
+            raise self.fault
 
 
 @contextmanager

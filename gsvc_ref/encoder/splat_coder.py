@@ -5,10 +5,7 @@ An I-frame quantises the splats. A P-frame quantises the differences of those th
 left with, and what changes the picture less than that error is left as it is.
 """
 
-import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -25,6 +22,7 @@ from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
 from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer, rendering_work
@@ -74,6 +72,10 @@ class SplatCoder:
         """The elements of the sequence header that belong to the profile."""
         return quantizer_fields(self.settings)
 
+    def for_group(self) -> Self:
+        """The same coder, since its I-frames forget what was before them."""
+        return self
+
     def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it.
 
@@ -84,15 +86,15 @@ class SplatCoder:
         """
         self._check_level(frame, number)
         progress("quantize", 0, 0, np.inf)
-        seconds: dict[str, float] = {}
-        with _timed(seconds, "start"):
+        seconds = StageSeconds()
+        with seconds.timed("start"):
             given = Splats.from_array(frame.parameters)
             objective = Objective(
                 self._renderer.picture(given), self.settings.threads, precision=self.settings.precision
             )
-        with _timed(seconds, "quantize"):
+        with seconds.timed("quantize"):
             coded, reason = self._coded(frame, frame_type, number, objective)
-        with _timed(seconds, "check"):
+        with seconds.timed("check"):
             wanted, shown = (self._renderer.frame(splats, self.bit_depth) for splats in (given, coded.state.splats))
             quality = psnr(wanted, shown, (1 << self.bit_depth) - 1)
         if coded.codes.type == "I":
@@ -196,10 +198,3 @@ def _changes(codes: FrameCodes) -> bool:
     inter = codes.inter
     stays = codes.survivors is not None and codes.survivors.all() and codes.intra_count == 0
     return not stays or (inter is not None and inter.count is not None)
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
-    begin = time.perf_counter()
-    yield
-    seconds[stage] = time.perf_counter() - begin

@@ -19,14 +19,14 @@ from typing import IO, Final
 
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log2, power, total
-from gsvc_ref.encoder.budget import BudgetCoder, GroupPlan
+from gsvc_ref.encoder.budget import GroupPlan, planned_coder
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
-from gsvc_ref.encoder.encoder import frame_count_of
 from gsvc_ref.encoder.mean_quality import to_quality
 from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
 from gsvc_ref.encoder.reading_again import Chosen, readable_again
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.setup import frame_count_of
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
 from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
 from gsvc_ref.video.format import FrameRate
@@ -122,14 +122,14 @@ def _to_size(passes: Passes) -> EncodeReport:
             most = max(plan.splats for plan in plans.values())
             most = min(2 * most, passes.most)
             settings = passes.base.with_(splats=most)
-            led_by = partial(BudgetCoder, plans=plans, most=most)
+            make_coder = partial(planned_coder, plans=plans, most=most)
             if attempt == 0 and is_file(passes.target):
-                made = passes.run(passes.frames(), passes.target, settings, step, led_by)
+                made = passes.run(passes.frames(), passes.target, settings, step, make_coder)
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), None)
             else:
                 file = new_file()
                 try:
-                    made = passes.tried(passes.frames(), file, settings, step, led_by)
+                    made = passes.tried(passes.frames(), file, settings, step, make_coder)
                 except KeyboardInterrupt:
                     if best is None:
                         raise

@@ -23,11 +23,11 @@ from gsvc_ref.bitstream import level_for
 from gsvc_ref.encoder.budget import header_so_far
 from gsvc_ref.encoder.curves import FrameCost, GroupCurve, same_for_all
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
-from gsvc_ref.encoder.encoder import coder_of, frame_count_of, no_frames
-from gsvc_ref.encoder.groups import GroupCoder, say_nothing
+from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.encoder.passes import splats_of
 from gsvc_ref.encoder.screen_content import screen_note
 from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.setup import coder_of, frame_count_of, no_frames
 from gsvc_ref.encoder.targets import NEAR_TARGET
 from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream import StreamWriter
@@ -178,7 +178,7 @@ def _warm_up(settings: Settings) -> None:
     coder = coder_of(alone, VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
     picture = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(16, 16, 3)
     for number in range(2):
-        coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, say_nothing)
+        coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, silent)
 
 
 def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list[Frame]]:
@@ -209,7 +209,7 @@ def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: 
             break
         begin = time.perf_counter()
         is_equal = number > 0 and np.array_equal(frame, frames[number - 1])
-        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, say_nothing)
+        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, silent)
         seconds = time.perf_counter() - begin
         error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
         cost = FrameCost(number, made.codes.type, writer.bits(coder, made), error)

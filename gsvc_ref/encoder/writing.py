@@ -1,25 +1,22 @@
 """Writing splats that somebody else has found: frames of splats in, a `.gsvc` stream out."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 from gsvc_base.errors import UsageError
-from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import LEVELS, level_for
-from gsvc_ref.encoder.encoded_frame import EncodedFrame
-from gsvc_ref.encoder.encoding import Encoding, completed
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
-from gsvc_ref.encoder.log import Decision
-from gsvc_ref.encoder.report import EncodeReport, OnProgress
+from gsvc_ref.encoder.loop import encode_frames
+from gsvc_ref.encoder.recording import Recording, StreamPlan, record
+from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
 from gsvc_ref.encoder.settings import KeyFrames, Settings
-from gsvc_ref.encoder.source_and_target import Target
+from gsvc_ref.encoder.source_and_target import SoundFrames, Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
 from gsvc_ref.training import BlockSettings, FitSettings
-from gsvc_ref.video import VideoFormat
 from gsvc_ref.video.format import FrameRate, array_format
 
 CHOLESKY_BITS: Final = 12
@@ -125,11 +122,24 @@ def write(
         lane_count=lane_count, index=index, checksums=checksums, seed=seed, threads=threads, precision=precision,
     )  # fmt: skip
     given = GivenFrames(frames_of_splats, video.width, video.height, degenerate)
+    highest = level or max(LEVELS)
+    coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
+    reporter = ProgressReporter(progress, video.frame_count)
+    plan = StreamPlan(
+        coder, video, highest, least_level=level is None, corrected=level is None, notes=lambda _: _notes(given),
+        threads=threads, name="gsvc_ref.write",
+    )  # fmt: skip
 
-    def encoding(file: BinaryIO, interrupts: Interrupts) -> _Write:
-        return _Write(given, file, video, settings, level, progress, interrupts)
+    def encode(recording: Recording) -> None:
+        source = SoundFrames(given)
+        typed = plan.stages.timed_items("read and detect", _typed(source, key_frames))
+        for encoded in encode_frames(typed, coder, reporter.watch):
+            recording.put(encoded)
+        source.check()
+        if not recording.frames:
+            raise UsageError("there are no frames; give the splats of at least one")
 
-    return completed(target, encoding, corrected=level is None)
+    return record(target, plan, encode)
 
 
 def write_settings(**options: Any) -> Settings:
@@ -149,52 +159,24 @@ def write_settings(**options: Any) -> Settings:
     return settings.with_(decisions=False, **options)
 
 
-class _Write(Encoding[GivenSplats]):
-    """One encode of given splats."""
+def _typed(frames: Iterable[GivenSplats], key: KeyFrames) -> Iterator[TypedFrame[GivenSplats]]:
+    """The frames with their types, of which the coder may choose another."""
+    for number, frame in enumerate(frames):
+        if number == 0:
+            yield TypedFrame(number, frame, "I", "first frame")
+        elif isinstance(key, int) and number % key == 0:
+            yield TypedFrame(number, frame, "I", f"every {key} frames")
+        elif isinstance(key, tuple) and number in key:
+            yield TypedFrame(number, frame, "I", "listed")
+        else:
+            yield TypedFrame(number, frame, "P", "predicted")
 
-    name = "gsvc_ref.write"
 
-    def __init__(
-        self,
-        given: GivenFrames,
-        file: BinaryIO,
-        video: VideoFormat,
-        settings: Settings,
-        level: int | None,
-        progress: OnProgress | None,
-        interrupts: Interrupts,
-    ) -> None:
-        self.given = given
-        self.key_frames = settings.key_frames
-        highest = level or max(LEVELS)
-        coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
-        super().__init__(file, video, coder, highest, progress, interrupts, least_level=level is None)
-
-    def _frames(self) -> Iterator[GivenSplats]:
-        return iter(self.given)
-
-    def _typed(self, frames: Iterator[GivenSplats]) -> Iterator[TypedFrame[GivenSplats]]:
-        key = self.key_frames
-        for number, frame in enumerate(frames):
-            if number == 0:
-                yield TypedFrame(number, frame, "I", "first frame")
-            elif isinstance(key, int) and number % key == 0:
-                yield TypedFrame(number, frame, "I", f"every {key} frames")
-            elif isinstance(key, tuple) and number in key:
-                yield TypedFrame(number, frame, "I", "listed")
-            else:
-                yield TypedFrame(number, frame, "P", "predicted")
-
-    def _no_frames(self) -> UsageError:
-        return UsageError("there are no frames; give the splats of at least one")
-
-    def _notes(self) -> list[str]:
-        notes = []
-        if self.given.turned:
-            notes.append(f"the signs of {self.given.turned} splats were turned so that l11 and l22 are above 0")
-        if self.given.removed:
-            notes.append(f"{self.given.removed} splats that cover nothing were left out")
-        return notes
-
-    def _decisions(self, item: TypedFrame[GivenSplats], encoded: EncodedFrame) -> tuple[Decision, ...]:
-        return ()
+def _notes(given: GivenFrames) -> list[str]:
+    """Sentences on splats that were changed or left out."""
+    notes = []
+    if given.turned:
+        notes.append(f"the signs of {given.turned} splats were turned so that l11 and l22 are above 0")
+    if given.removed:
+        notes.append(f"{given.removed} splats that cover nothing were left out")
+    return notes

@@ -1,4 +1,4 @@
-"""Video in and out: y4m, pictures, and through PyAV whatever FFmpeg knows; frames are always full-range R'G'B'."""
+"""Video in and out: y4m, pictures, and by plug-ins other files; frames are always full-range R'G'B'."""
 
 from gsvc_ref._lazy import lazily
 

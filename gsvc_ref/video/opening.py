@@ -6,7 +6,7 @@ from typing import BinaryIO, Protocol
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import STREAM_SUFFIX
-from gsvc_ref.plugins import source_by_prefix, source_by_suffix
+from gsvc_ref.plugins import Target, file_reader, source_by_prefix, source_by_suffix, targets
 from gsvc_ref.video import y4m
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoReader, VideoWriter
@@ -28,14 +28,14 @@ def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
     source
         ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME`` for a
         built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that cannot
-        seek must hold y4m), which stays open.
+        seek must hold y4m), which stays open. Files that are neither y4m nor pictures are read by gsvc_tools.
 
     Raises
     ------
     FileNotFoundError
         There is no such file.
     UsageError
-        It is a GSVC stream or a scene that cannot be, or needs PyAV and that is not installed.
+        It is a GSVC stream or a scene that cannot be, or needs gsvc_tools or PyAV and that is not installed.
     GsvcError
         It cannot be read as video.
     """
@@ -71,11 +71,11 @@ def _open_path(path: Path) -> VideoReader:
         return named.open(name)
     if magic == Y4M_SIGNATURE or suffix == ".y4m":
         return y4m.Y4mReader(path, name)
-    from gsvc_ref.video import images, libav, png
+    from gsvc_ref.video import images, png
 
     if magic.startswith(png.PNG_SIGNATURE) or suffix in images.SUFFIXES:
         return images.ImageReader([path], name)
-    return libav.LibavReader(path, name)
+    return _open_other(path, name)
 
 
 def _open_file(file: BinaryIO) -> VideoReader:
@@ -89,18 +89,33 @@ def _open_file(file: BinaryIO) -> VideoReader:
         raise GsvcError("malformed", f"{name} is empty; give a video file")
     if magic == Y4M_SIGNATURE:
         return y4m.Y4mReader(file, name)
-    from gsvc_ref.video import images, libav, png
+    from gsvc_ref.video import images, png
 
     if magic.startswith((png.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
         return images.ImageReader([file.read()], name)
-    return libav.LibavReader(file, name)
+    return _open_other(file, name)
+
+
+def _open_other(file: Path | BinaryIO, name: str) -> VideoReader:
+    open_file = file_reader()
+    if open_file is None:
+        raise UsageError(
+            f"{name} is neither y4m nor a picture, and other formats need gsvc_tools, which comes with gsvc_ref: "
+            "pip install ."
+        )
+    return open_file(file, name)
 
 
 def takes_sound(target: str | Path | BinaryIO) -> bool:
     """Whether a target has a place for sound."""
-    from gsvc_ref.video.libav_writer import CONTAINERS
+    if not isinstance(target, str | Path) or Path(target).is_dir():
+        return False
+    found = _target_by_suffix(Path(target).suffix)
+    return found is not None and found.takes_sound
 
-    return isinstance(target, str | Path) and Path(target).suffix.lower() in CONTAINERS and not Path(target).is_dir()
+
+def _target_by_suffix(suffix: str) -> Target | None:
+    return next((target for target in targets() if suffix.lower() in target.suffixes), None)
 
 
 def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: Extras = NO_EXTRAS) -> VideoWriter:
@@ -110,9 +125,9 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: E
     ----------
     target
         ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a single
-        frame; ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV); ``.gif`` or ``.webp``
-        for an animation; an existing folder, or a name without a suffix, for numbered PNG files. A pipe or device takes
-        y4m.
+        frame; with gsvc_tools ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV), and
+        ``.gif`` or ``.webp`` for an animation; an existing folder, or a name without a suffix, for numbered PNG files.
+        A pipe or device takes y4m.
     format
         The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
     extras
@@ -135,15 +150,13 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: E
     suffix = path.suffix.lower()
     if not path.is_dir() and (suffix == ".y4m" or (path.exists() and not path.is_file())):
         return y4m.Y4mWriter(path, format)
-    from gsvc_ref.video import animation, images, libav_writer
+    from gsvc_ref.video import images
 
     if path.is_dir() or (suffix == "" and not path.exists()):
         return images.ImageFolderWriter(path, format)
     if suffix == ".png":
         return images.ImageFileWriter(path, format)
-    if suffix in libav_writer.CONTAINERS:
-        return libav_writer.LibavWriter(path, format, extras)
-    if suffix in animation.UNIT:
-        return animation.AnimationWriter(path, format, extras)
-    known = ", ".join([".y4m", ".png", *libav_writer.CONTAINERS, *animation.UNIT])
+    if (found := _target_by_suffix(suffix)) is not None:
+        return found.open(path, format, extras)
+    known = ", ".join([".y4m", ".png", *(suffix for target in targets() for suffix in target.suffixes)])
     raise UsageError(f"cannot tell what to write as {path}; give a name that ends in {known}, a folder, or - for y4m")

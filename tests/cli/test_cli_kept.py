@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("av")
 
 import av
-from video.odd_clips import write_clip
+from tools.video.odd_clips import write_clip
 
 from gsvc_ref.cli import main
 

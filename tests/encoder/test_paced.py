@@ -9,7 +9,7 @@ import pytest
 from codec_cases import fast, video_format, waves
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.encoder import IncompleteEncodeError, encode, encoder, frame_types
+from gsvc_ref.encoder import IncompleteEncodeError, encode, frame_types, setup
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.stream import Stream
 
@@ -59,7 +59,7 @@ def test_a_rate_that_no_level_allows_is_refused():
 
 
 def test_a_second_with_too_much_ends_the_encode_with_the_frames_before(monkeypatch):
-    monkeypatch.setattr(encoder._Encode, "_paced_level", lambda *_: 1)
+    monkeypatch.setattr(setup, "paced_level", lambda *_: 1)
     still = [np.zeros((256, 512, 3), np.uint8)] * 70
     with pytest.raises(IncompleteEncodeError, match=r"R-5-7.*saved: 64 complete frames") as ended:
         encoded(still, 100, paced=True, key_frames="auto", splats=4)

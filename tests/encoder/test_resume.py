@@ -20,7 +20,7 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import complete_file
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.code_version import code_version
-from gsvc_ref.encoder import IncompleteEncodeError, encode, encoding, resume
+from gsvc_ref.encoder import IncompleteEncodeError, encode, recording, resume
 from gsvc_ref.encoder.groups import encode_run
 from gsvc_ref.encoder.kept_group import OURS, KeptGroup
 from gsvc_ref.main.codes import MainCodes
@@ -182,7 +182,7 @@ def test_a_source_that_has_become_longer_is_refused(monkeypatch, tmp_path):
 
     folder = tmp_path / "kept"
     with monkeypatch.context() as patch:
-        patch.setattr(encoding, "write_log", ended)
+        patch.setattr(recording, "write_log", ended)
         with pytest.raises(EndedError):
             encode((CLIP[:8], SMALL), io.BytesIO(), PLAIN, resume=folder)
     with pytest.raises(UsageError, match="frame 8 of the source"):

@@ -11,7 +11,7 @@ import pytest
 from codec_cases import encoded, paper_fast, paper_quick, video_format, waves
 
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.encoder import Settings, encode, encoder, encoding
+from gsvc_ref.encoder import Settings, encode, recording, setup
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import reconstruct
@@ -40,7 +40,7 @@ def states(monkeypatch) -> list:
             kept.append(result.state)
             return result
 
-    monkeypatch.setattr(encoder, "FrameEncoder", Recording)
+    monkeypatch.setattr(setup, "FrameEncoder", Recording)
     return kept
 
 
@@ -86,7 +86,7 @@ def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, setti
             assert self.state is state
             return decoded
 
-    monkeypatch.setattr(encoding, "StreamWriter", Checking)
+    monkeypatch.setattr(recording, "StreamWriter", Checking)
     clip = waves(frames=4)
     clip.insert(2, clip[1].copy())
     _, data = encoded(clip, settings)

@@ -169,7 +169,7 @@ def test_the_polynomial_is_evaluated_as_written():
     assert np.array_equal(weight(s)[s <= SUPPORT_SQUARED], expected[s <= SUPPORT_SQUARED])
     assert [exp_minus_half_strict(value) for value in s] == expected.tolist()
     if JIT:  # the twin is another function, or this test would compare it with itself
-        assert exp_minus_half_strict.py_func is not exp_minus_half.py_func
+        assert exp_minus_half_strict.__wrapped__ is not exp_minus_half.__wrapped__
 
 
 def test_the_objective_adds_in_a_stated_order():

@@ -109,7 +109,7 @@ def test_the_inner_loops_are_packed(kernel, strict):
         run_task: (0, 1, buffers, bins, Regions.all_of(3, 20, 20), job),
     }[kernel]
     # A compilation of its own, since code that comes from the cache cannot be looked at.
-    fresh = numba.jit(**kernel.targetoptions)(kernel.py_func)
+    fresh = numba.jit(**kernel.dispatcher().targetoptions)(kernel.__wrapped__)
     fresh(*arguments)
     (code,) = fresh.inspect_asm().values()
     packed = re.findall(r"\bv(?:mul|fn?m(?:add|sub)\d+)ps\b.*%[yz]mm", code)

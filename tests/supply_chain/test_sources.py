@@ -18,13 +18,11 @@ MAY_EVALUATE = {ROOT / "gsvc_base" / "spec.py", ROOT / "conformance" / "gsvc_con
 """They run the code blocks of spec.md, a file of this project."""
 
 MAY_UNPICKLE = {
-    ROOT / "gsvc_ref" / "_kernel_cache.py",
     ROOT / "gsvc_ref" / "encoder" / "cluster.py",
     ROOT / "gsvc_ref" / "encoder" / "cluster_task.py",
     ROOT / "gsvc_lab" / "benchmarks" / "cluster.py",
 }
-"""The first reads the compiled kernels that Numba pickles, from a folder that only this user can write to, as Numba
-does. The others read what the machines of a cluster send each other: there each may run any code on others anyway."""
+"""They read what the machines of a cluster send each other: there each may run any code on others anyway."""
 
 MAY_SERVE = {ROOT / "gsvc_tools" / "viewing" / "server.py"}
 """It gives the viewer to a browser of this machine, on the loopback interface alone."""

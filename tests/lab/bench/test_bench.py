@@ -172,7 +172,7 @@ def test_what_cannot_be_is_refused_before_work(tmp_path, monkeypatch, capsys, wo
 def test_pictures_of_phones_are_upright(tmp_path, degrees):
     """Their planes are as coded, and their display matrix says how they are held."""
     pytest.importorskip("av")
-    from video.odd_clips import write_clip
+    from tools.video.odd_clips import write_clip
 
     source = tmp_path / "a.mp4"
     write_clip(source, rotation=degrees, times=[0, 40])

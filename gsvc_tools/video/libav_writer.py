@@ -16,11 +16,11 @@ from gsvc_base.errors import UsageError, naming
 from gsvc_base.files import PartialFile
 from gsvc_ref.video.color import LUMA_WEIGHTS, to_planes
 from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
-from gsvc_ref.video.libav import import_av
-from gsvc_ref.video.libav_audio import Sound
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
+from gsvc_tools.video.libav import import_av
+from gsvc_tools.video.libav_audio import Sound
+from gsvc_tools.video.suffixes import CONTAINERS
 
-CONTAINERS: Final = {".mp4": "mp4", ".mkv": "matroska", ".mov": "mov", ".webm": "webm"}
 ENCODERS: Final = {
     "libx264": {"crf": "12", "preset": "medium"},
     "libvpx-vp9": {"crf": "15", "b": "0", "deadline": "good", "cpu-used": "4", "row-mt": "1"},
@@ -44,22 +44,8 @@ def viewing_format(video: VideoFormat, bit_depth: int = 8) -> VideoFormat:
 class LibavWriter(VideoWriter):
     """A writer of H.264 (VP9 for .webm) for viewing, in 8 bits, or in 10 where frames have more and the encoder can.
 
-    Parameters
-    ----------
-    target
-        A path whose suffix is one of CONTAINERS; written under a temporary name until `close`.
-    video
-        The format of the frames; see `viewing_format` for what becomes of it.
-    extras
-        Time stamps, and a file whose sound is copied.
-
-    Raises
-    ------
-    UsageError
-        PyAV is not installed, or has no encoder for this size; the sound cannot be copied; on `close`, no frame was
-        written.
-    FileNotFoundError
-        The folder of the target does not exist.
+    `viewing_format` says what becomes of the format. A UsageError says that PyAV is missing or has no encoder for this
+    size, that the sound cannot be copied, or, on `close`, that there is no frame.
     """
 
     carries_times = True

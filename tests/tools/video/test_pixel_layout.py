@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsvc_ref.video.pixel_layout import layout, stand_in, take
+from gsvc_tools.video.pixel_layout import layout, stand_in, take
 
 av = pytest.importorskip("av")
 

@@ -9,11 +9,11 @@ import pytest
 
 pytest.importorskip("av")
 
-from video.odd_clips import SIZE, write_clip
+from tools.video.odd_clips import SIZE, write_clip
 
 from gsvc_base.errors import GsvcError
 from gsvc_ref.video import open_video
-from gsvc_ref.video.libav_probe import Orientation, is_even
+from gsvc_tools.video.libav_probe import Orientation, is_even
 
 PQ = {"color_primaries": 9, "color_trc": 16, "colorspace": 9}
 MASTERING = "master-display=G(13250,34500)B(7500,3000)R(34000,16000)WP(15635,16450)L(10000000,50):max-cll=1000,400"
@@ -63,8 +63,8 @@ def test_a_plain_clip_has_nothing_to_lose(tmp_path):
 
 
 def test_a_transparent_frame_is_refused_at_opening(tmp_path):
-    from video.test_libav import av
-    from video.test_libav import write_clip as write_pictures
+    from tools.video.test_libav import av
+    from tools.video.test_libav import write_clip as write_pictures
 
     clear = av.VideoFrame.from_ndarray(np.zeros((24, 32, 4), np.uint8), format="rgba").reformat(format="argb")
     write_pictures(tmp_path / "a.mov", "qtrle", [clear])

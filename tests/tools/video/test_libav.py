@@ -280,7 +280,7 @@ def test_uneven_frames_are_stated(tmp_path):
 def test_an_unknown_frame_rate_is_stated(tmp_path, monkeypatch):
     path = tmp_path / "clip.mkv"
     write_clip(path, "ffv1", [av.VideoFrame(16, 16, "bgr0")], rate=50)
-    monkeypatch.setattr("gsvc_ref.video.libav._fair_ratio", lambda ratio: None)
+    monkeypatch.setattr("gsvc_tools.video.libav._fair_ratio", lambda ratio: None)
     with open_video(path) as reader:
         assert reader.format.frame_rate == 25
         assert reader.notes == [f"frame rate not stated by {path}, so assumed: 25 per second"]

@@ -10,13 +10,13 @@ from PIL import Image
 pytest.importorskip("av")
 
 import av
-from video.odd_clips import write_clip
+from tools.video.odd_clips import write_clip
 
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.times import FrameTimes, write_times
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
-from gsvc_ref.video.libav_audio import first_picture
 from gsvc_ref.video.stream import Extras
+from gsvc_tools.video.libav_audio import first_picture
 
 COLOR = ColorDescription(1, 1, 1, False, 0)
 UNEVEN = [0, 40, 80, 200, 240, 500]
@@ -189,7 +189,7 @@ def test_a_gif_of_many_frames_a_second_is_slower(tmp_path):
 def test_animations_that_cannot_be_written(tmp_path, monkeypatch):
     with pytest.raises(UsageError, match="no frame"), open_writer(tmp_path / "a.gif", video_format()):
         pass
-    monkeypatch.setattr("gsvc_ref.video.animation.MOST_HELD", 32 * 24 * 3 * 2)
+    monkeypatch.setattr("gsvc_tools.video.animation.MOST_HELD", 32 * 24 * 3 * 2)
     with pytest.raises(UsageError, match="memory"):
         write(tmp_path / "a.webp", count=3)
     wide = VideoFormat(16384, 1, Fraction(25), 8, "444", COLOR)

@@ -1,0 +1,259 @@
+"""Encoded frames as a stream and a report; the stream is valid, whatever ends the encode after the first frame."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from shutil import copyfileobj
+from tempfile import TemporaryFile
+from typing import Any, BinaryIO, cast
+
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.interrupts import Interrupts
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.bitstream.times import TIMES
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
+from gsvc_ref.encoder.log import write_log
+from gsvc_ref.encoder.loop import FrameCoder
+from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, LayerReport
+from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
+from gsvc_ref.encoder.stages import StageSeconds
+from gsvc_ref.stream import StreamWriter
+from gsvc_ref.stream.formats import header_fields
+from gsvc_ref.stream.writer import can_go_back
+from gsvc_ref.video import VideoFormat
+
+
+class NothingSavedError(UsageError):
+    """The target stays as it was, although frames were encoded."""
+
+
+@dataclass
+class StreamPlan:
+    """What a stream is to be like.
+
+    Attributes
+    ----------
+    coder
+        Says what the header needs; asked when the first frame is encoded.
+    video
+        The format of the source.
+    level, least_level
+        The level in the header; with `least_level` the highest that it may be, which is lowered at the end to the
+        least that fits.
+    live
+        Write under the final name, and never go back.
+    corrected
+        The header must be corrected at the end, so a target that cannot go back gets the whole stream then.
+    times_before
+        Gives the payload of the chunk `t` before a frame, or None.
+    notes
+        Gives sentences on what was assumed about the source, and on what the frames did not reach.
+    threads
+        Those that were asked for, for the report.
+    stages
+        Seconds by stage.
+    name
+        The function at work, for messages.
+    """
+
+    coder: FrameCoder[Any]
+    video: VideoFormat
+    level: int
+    least_level: bool = False
+    live: bool = False
+    corrected: bool = False
+    times_before: Callable[[int], bytes | None] = lambda number: None
+    notes: Callable[[list[FrameReport]], list[str]] = lambda frames: []
+    threads: int | None = None
+    stages: StageSeconds = field(default_factory=StageSeconds)
+    name: str = "gsvc_ref.encode"
+
+    def header(self) -> SequenceHeader:
+        """The sequence header; final when the first frame is encoded."""
+        return header_of(self.coder, self.video, self.level)
+
+
+def header_of(coder: FrameCoder[Any], video: VideoFormat, level: int) -> SequenceHeader:
+    """The sequence header of the frames of a coder."""
+    return SequenceHeader(
+        level=level,
+        parameter_checksum_flag=coder.settings.checksums,
+        paced_flag=coder.settings.paced,
+        **header_fields(video),
+        **coder.elements(),
+    )
+
+
+def record(target: Target, plan: StreamPlan, encode: "Callable[[Recording], None]") -> EncodeReport:
+    """Call `encode`, which hands encoded frames to a recording, and put their stream in the target's place.
+
+    Raises
+    ------
+    IncompleteEncodeError
+        A GsvcError or UsageError came after at least one complete frame; its `report` is about those that were saved.
+    OSError
+        The target cannot be written; what stood under its name still does, unless `plan.live`.
+    Exception
+        Any other exception that ended the encode passes through, with a note if frames were saved.
+    """
+    patient = is_file(target)
+    with Interrupts(patient=patient) as interrupts:
+        interrupts.held = patient  # a file that is just being opened would be left behind; a pipe may wait for a reader
+        with (
+            opened_target(target, live=plan.live) as opened,
+            _correctable(opened) if plan.corrected else nullcontext(opened) as file,
+        ):
+            interrupts.release()
+            recording = Recording(file, plan, interrupts)
+            ended: BaseException | None = None
+            try:
+                encode(recording)
+            except BaseException as error:
+                interrupts.held = True  # from here on nothing may get lost
+                if not recording.frames or recording.is_broken or isinstance(error, NothingSavedError):
+                    raise
+                ended = error
+            interrupts.held = True
+            report = recording.finish(ended)
+        if interrupts.seen:
+            report = replace(report, interrupted=True)
+    if ended is not None and not isinstance(ended, KeyboardInterrupt):
+        _raise(ended, report, plan.name)
+    return report
+
+
+@contextmanager
+def _correctable(file: BinaryIO) -> Iterator[BinaryIO]:
+    """The file itself if it can go back; otherwise a temporary one, whose bytes it gets when the block ends well."""
+    if can_go_back(file):
+        yield file
+        return
+    with TemporaryFile() as whole:
+        yield cast(BinaryIO, whole)
+        whole.seek(0)
+        copyfileobj(whole, file)
+
+
+def _raise(fault: BaseException, report: EncodeReport, name: str) -> None:
+    """Raise what ended an encode early, now that the frames before it are saved."""
+    count = len(report.frames)
+    saved = f"saved: {count} complete frame{'' if count == 1 else 's'}, as a valid stream"
+    if isinstance(fault, GsvcError):
+        raise IncompleteEncodeError(fault.kind, f"{fault.message}; {saved}", report, fault.rule, fault.bit) from fault
+    if isinstance(fault, UsageError):
+        raise IncompleteEncodeError("invalid", f"{fault}; {saved}", report) from fault
+    fault.add_note(f"{name} {saved}")
+    raise fault
+
+
+class Recording:
+    """Writes encoded frames, and reports each.
+
+    Attributes
+    ----------
+    plan
+        What the stream is to be like.
+    frames
+        A report of each frame written.
+    interrupts
+        Ctrl-C is held back while a frame is written.
+    is_broken
+        Whether the stream ends with a part of a chunk that cannot be taken back, or may do so.
+    """
+
+    def __init__(self, file: BinaryIO, plan: StreamPlan, interrupts: Interrupts) -> None:
+        self.plan, self.interrupts = plan, interrupts
+        self.frames: list[FrameReport] = []
+        self.is_broken = False
+        self._file = file
+        self._begin = time.perf_counter()
+        self._writer: StreamWriter | None = None  # its header takes what is chosen on the first frame
+
+    def put(self, encoded: EncodedFrame) -> None:
+        """Write a frame; Ctrl-C waits until it is complete."""
+        self.interrupts.held = True
+        self.write(encoded)
+        self.interrupts.release()
+
+    def write(self, encoded: EncodedFrame) -> None:
+        """Write a frame; one of which a layer is at fault is complete without that layer and those above it."""
+        begin = time.perf_counter()
+        layers: list[LayerReport] = []
+        fault: GsvcError | UsageError | None = None
+        with self.plan.stages.timed("write"):
+            bits = self._write_frame(encoded)
+            try:
+                self._write_layers(encoded, bits, layers)
+            except (GsvcError, UsageError) as error:
+                fault, encoded = error, replace(encoded, psnr=layers[-1].psnr)
+        self.plan.stages.add(encoded.seconds)
+        seconds = encoded.elapsed_s + time.perf_counter() - begin
+        self.frames.append(self._report(encoded, bits, tuple(layers), seconds))
+        if fault is not None:
+            raise fault
+
+    def _write_frame(self, encoded: EncodedFrame) -> dict[str, int]:
+        """Write a frame without its layers, the first with the header before it; the bits that it took."""
+        plan = self.plan
+        with self._watched():
+            if self._writer is None:
+                self._writer = StreamWriter(
+                    self._file, plan.header(), index=plan.coder.settings.index, live=plan.live,
+                    least_level=plan.least_level,
+                )  # fmt: skip
+            if (times := plan.times_before(self._writer.frame_count)) is not None:
+                self._writer.write_ancillary(TIMES, times)
+            return self._writer.write_frame(encoded.codes, encoded.state).bits
+
+    def _write_layers(self, encoded: EncodedFrame, bits: dict[str, int], layers: list[LayerReport]) -> None:
+        """Write the layers of a frame, of which the first is its base; the report of each is added to `layers`."""
+        assert self._writer is not None
+        with self._watched():
+            for part in encoded.layers:
+                codes, spent = part.codes, bits if part.layer == 0 else {}
+                if encoded.has_chunk(part):
+                    spent = self._writer.write_layer(part.layer, codes).bits
+                count = len(part.state.splats)
+                layers.append(LayerReport(part.layer, codes.type, count, codes.intra_count, part.psnr, spent))
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Note where part of a chunk may have been written that cannot be taken back."""
+        try:
+            yield
+        except (GsvcError, UsageError):  # the frame is at fault
+            raise
+        except BaseException as error:
+            self.is_broken = isinstance(error, OSError) or self._writer is None or not self._writer.goes_back
+            raise
+
+    def _report(
+        self, encoded: EncodedFrame, bits: dict[str, int], layers: tuple[LayerReport, ...], seconds: float
+    ) -> FrameReport:
+        codes = encoded.codes
+        pruned = self.frames[-1].splats - codes.survivor_count if codes.type == "P" else 0
+        return FrameReport(
+            encoded.number, codes.type, encoded.reason or "", len(encoded.state.splats), codes.intra_count, pruned,
+            encoded.iterations, encoded.psnr, bits, seconds, encoded.decisions, layers,
+        )  # fmt: skip
+
+    def finish(self, ended: BaseException | None) -> EncodeReport:
+        """Complete the stream, with at least one frame; `ended` is what ended the encode early."""
+        assert self._writer is not None
+        settings = self.plan.coder.settings
+        log = (DECISIONS, write_log([frame.decisions for frame in self.frames])) if settings.decisions else None
+        file_bytes = sum(self._writer.finish(log).values()) // 8
+        interrupted = isinstance(ended, KeyboardInterrupt)
+        return EncodeReport(
+            header=self._writer.header,
+            settings=replace(settings, threads=self.plan.threads),
+            frames=self.frames,
+            file_bytes=file_bytes,
+            seconds=time.perf_counter() - self._begin,
+            seconds_by_stage=dict(self.plan.stages),
+            interrupted=interrupted,
+            notes=self.plan.notes(self.frames),
+            fault=None if ended is None or interrupted else str(ended) or type(ended).__name__,
+        )

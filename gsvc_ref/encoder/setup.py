@@ -1,0 +1,188 @@
+"""The setup of an encode of a video: its coder, the level of its stream, its frames with their types and times."""
+
+from collections.abc import Callable, Iterator
+
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_ref.bitstream import LEVELS, level_for
+from gsvc_ref.bitstream.header import I_FRAME_SECONDS
+from gsvc_ref.encoder.frame import FrameEncoder
+from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
+from gsvc_ref.encoder.loop import GroupCoder
+from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
+from gsvc_ref.encoder.recording import Recording, StreamPlan, header_of
+from gsvc_ref.encoder.report import FrameReport, OnProgress, ProgressReporter
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.source_and_target import SoundFrames
+from gsvc_ref.encoder.times import SourceTimes
+from gsvc_ref.stream.pace import second_limits
+from gsvc_ref.video import VideoFormat, VideoReader
+
+CoderMaker = Callable[[Settings, VideoFormat], GroupCoder]
+"""What makes the coder of a video."""
+
+
+def coder_of(settings: Settings, video: VideoFormat) -> GroupCoder:
+    """What encodes the frames of a source."""
+    make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
+    if settings.layer_count > 1:
+        make = LayeredFrameEncoder
+    return make(settings, video.width, video.height, video.bit_depth)
+
+
+class EncodeSetup:
+    """What the encode of a video consists of.
+
+    Parameters
+    ----------
+    reader
+        The source.
+    settings
+        Those of the coder.
+    on_progress
+        Called with the place where the encode is.
+    live
+        Write frame by frame, and never go back.
+    make_coder
+        Makes the coder.
+
+    Attributes
+    ----------
+    coder
+        Encodes the first frame.
+    plan
+        What the stream is to be like.
+    progress
+        Tells where the encode is.
+    source
+        The frames of the source.
+
+    Raises
+    ------
+    UsageError
+        No level allows frames of this size and number of splats.
+    """
+
+    def __init__(
+        self,
+        reader: VideoReader,
+        settings: Settings,
+        on_progress: OnProgress | None,
+        *,
+        live: bool = False,
+        make_coder: CoderMaker = coder_of,
+    ) -> None:
+        self._reader, self._settings = reader, settings
+        video = reader.format
+        times = SourceTimes(reader, *settings.frames, least_delay=live or settings.low_latency)
+        self.coder = make_coder(settings, video)
+        self.plan = StreamPlan(
+            self.coder, video, first_level(settings, video, self.coder), least_level=is_level_open(settings), live=live,
+            times_before=times.before, notes=self.notes, threads=settings.threads,
+        )  # fmt: skip
+        self.progress = ProgressReporter(on_progress, frame_count_of(settings, video))
+        self.source = SoundFrames(times.frames())
+
+    def frames(self) -> Iterator[TypedFrame[Frame]]:
+        """The frames with their types."""
+        settings, video = self._settings, self._reader.format
+        typed = typed_frames(self.source, settings, video.peak, lambda number: self.progress.show("detect", number))
+        if settings.paced:
+            rate = video.frame_rate
+            typed = with_i_frames(typed, I_FRAME_SECONDS * -(-rate.numerator // rate.denominator))
+        return self.plan.stages.timed_items("read and detect", typed)
+
+    def check_end(self, recording: Recording) -> None:
+        """Raise the fault of the source that ended its frames; a source without frames has one, too."""
+        self.source.check()
+        if not recording.frames:
+            raise no_frames(self._settings)
+
+    def notes(self, frames: list[FrameReport]) -> list[str]:
+        """Sentences on what was assumed about the source, and on a quality that frames do not reach."""
+        return [*self._reader.notes, *missed_quality(frames, self._settings, self._reader.format)]
+
+
+def frame_count_of(settings: Settings, video: VideoFormat) -> int | None:
+    """The number of frames to be encoded; None if the source does not tell."""
+    start, stop = settings.frames
+    ends = [end for end in (video.frame_count, stop) if end is not None]
+    return max(0, min(ends) - start) if ends else None
+
+
+def no_frames(settings: Settings) -> GsvcError:
+    """The error of a source that gave no frame."""
+    if start := settings.frames[0]:
+        return GsvcError(
+            "malformed", f"the source ends before frame {start}, with which --frames begins; frames count from 0"
+        )
+    return GsvcError("malformed", "the source has no frames to encode; check the file")
+
+
+def is_level_open(settings: Settings) -> bool:
+    """Whether only the encoded frames tell their level: by the rendering work of splats of profile `main`."""
+    return settings.profile == "main" and not settings.paced
+
+
+def first_level(settings: Settings, video: VideoFormat, coder: GroupCoder) -> int:
+    """The level in the header of a stream that begins; where it is open, the highest that it may become."""
+    level = level_for(video.width, video.height, splats=settings.counted_splats(video.width, video.height))
+    if settings.paced:
+        return paced_level(settings, video, coder, level)
+    return min(level + 1, max(LEVELS)) if is_level_open(settings) else level
+
+
+def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least: int) -> int:
+    """The lowest level from `least` on that allows a second of frames with as many splats as they are meant to have."""
+    width, height = video.width, video.height
+    size = settings.counted_splats if settings.profile == "main" else settings.most_splats
+    has_quality = settings.psnr is not None or settings.quality is not None  # then nobody knows the splats beforehand
+    splats = 0 if has_quality else size(width, height)
+    for level in range(least, max(LEVELS) + 1):
+        header = header_of(coder, video, level)
+        frames, allowed = header.frames_of_second, second_limits(header)
+        if frames * width * height <= allowed.pixels and frames * splats <= allowed.splats:
+            return level
+    raise UsageError(
+        f"no level allows {frames} frames of {width}x{height} pixels and {splats} splats in a second of a paced "
+        "stream (R-5-7); encode at a lower frame rate, smaller, with fewer splats, or without pacing"
+    )
+
+
+def missed_quality(frames: list[FrameReport], settings: Settings, video: VideoFormat) -> list[str]:
+    """Sentences on frames that have less than the quality asked for."""
+    if settings.layers:
+        return _missed_layers(frames, settings)
+    goal = settings.psnr
+    if goal is None:
+        return []
+    missed = [frame for frame in frames if frame.psnr < goal]
+    if not missed:
+        return []
+    worst = min(missed, key=lambda frame: frame.psnr)
+    most = settings.most_splats(video.width, video.height)
+    if settings.profile == "main":
+        why = f"allow more splats than {most:,}"
+    elif all(frame.splats >= most for frame in missed):
+        why = f"the {most:,} splats that a frame may have are all in use, so allow more splats"
+    else:
+        why = "splats are left, so quantisers or iterations are the limit: allow finer ones, or more"
+    return [
+        f"{len(missed)} of {len(frames)} frames have less than {goal:g} dB (frame {worst.number}, the worst, "
+        f"has {worst.psnr:.2f} dB): {why}"
+    ]
+
+
+def _missed_layers(frames: list[FrameReport], settings: Settings) -> list[str]:
+    """A sentence for each layer with which frames have less than the quality asked for."""
+    notes = []
+    for layer, goal in enumerate(settings.layers):
+        reached = [frame.layers[layer].psnr for frame in frames if frame.layers]
+        missed = [quality for quality in reached if quality < goal]
+        if missed:
+            notes.append(
+                f"up to layer {layer} {len(missed)} of {len(reached)} frames have less than {goal:g} dB (the worst "
+                f"has {min(missed):.2f} dB)"
+            )
+    return notes
