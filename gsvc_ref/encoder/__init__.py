@@ -5,9 +5,7 @@ In reading order: `loop` is all of it, the frames of a video in and encoded fram
 rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`, `paper` those of profile
 `paper`, whose preset `quick` fits by `quick`. `held_quality` searches numbers of splats for a PSNR in both. `writing`
 takes splats that somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit.
-`side_by_side` has `groups` of pictures encoded by an executor, such as `Processes` of this machine or a `cluster`,
-which makes each `cluster_task`. `resume` keeps a `kept_group` of each, and goes on from them. `settings` and `effects`
-say what is asked for, `log` what was decided. `source_and_target` opens both ends.
+`settings` and `effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects

@@ -227,7 +227,7 @@ class _PaperFrame:
             with self.seconds.timed("fit"):
                 target = self._target(settings)
                 parameters, origins = exchanged(target, parameters, old - removed, new, self.rng)
-                parameters = refitted(target, parameters, origins, settings.iterations)
+                parameters = refitted(target, parameters, settings.iterations)
             return Population(Splats.from_array(parameters), KEPT_WEIGHT, origins)
         settings, stay = self._with_gsp(settings), np.arange(old)
         if settings.pruning is not None and removed:

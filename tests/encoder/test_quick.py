@@ -10,7 +10,6 @@ from gsvc_ref.encoder.quick import GRADIENT_SHARE, exchanged, grown, refitted
 from gsvc_ref.rendering import Objective, render, render_sum
 from gsvc_ref.training import MIN_FACTOR, NEW, loss_of_psnr, psnr_of_loss
 from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters
-from gsvc_ref.training.walk import pull_plain
 
 SIDE = 48
 
@@ -44,7 +43,7 @@ def test_a_picture_is_grown_with_the_splats_asked_for(side):
     picture = a_picture(side)
     p = grown(Target(picture, threads=1), 60, 60, rng())
     assert p.shape == (60, 8)
-    assert p[:, [2, 4]].min() >= MIN_FACTOR
+    assert p[:, [2, 4]].min() > MIN_FACTOR
     assert psnr_of(p, picture) > 30
 
 
@@ -63,19 +62,10 @@ def test_flat_pictures_bring_no_nan(value):
 
 def test_a_refit_brings_the_picture_closer_and_tells_each_evaluation():
     picture, start, told = a_picture(), shaken(faint_splats(60, 9, SIDE)), []
-    p = refitted(Target(picture, threads=1, on_evaluation=told.append), start, np.full(60, NEW), 12)
+    p = refitted(Target(picture, threads=1, on_evaluation=told.append), start, 12)
     assert len(told) == 12
     assert Objective(picture, 1).loss(p) == min(told)
     assert psnr_of(p, picture) > psnr_of(start, picture) + 6
-
-
-def test_the_pull_holds_splats_of_the_frame_before_and_no_new_ones():
-    picture, start = a_picture(), shaken(faint_splats(60, 9, SIDE))
-    target, changes = Target(picture, threads=1), []
-    for origins in (np.arange(60), np.full(60, NEW)):
-        z = to_coordinates(refitted(target, start, origins, 12))
-        changes.append(pull_plain(z, to_coordinates(start), np.ones(60))[0])
-    assert changes[0] < changes[1]
 
 
 @pytest.mark.parametrize(("kept", "new"), [(20, 0), (15, 5), (0, 20), (12, 3)])
