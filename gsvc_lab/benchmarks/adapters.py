@@ -43,6 +43,7 @@ import numpy as np
 
 from gsvc_base.draws import Draws
 from gsvc_base.errors import UsageError
+from gsvc_base.processors import processors
 from gsvc_conformance import implementations, reference
 from gsvc_conformance.cases.main_streams import Plan, main_stream
 from gsvc_conformance.vector import VECTORS
@@ -50,7 +51,6 @@ from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.machine import environment
-from gsvc_ref.processes import processors
 
 OURS: Final = "gsvc_ref"
 
