@@ -13,8 +13,8 @@ from errno import ENOSPC
 import numpy as np
 import pytest
 from codec_cases import encoded, fast, paper_fast, paper_quick, video_format, waves
-from encoder.test_killed import in_child
-from encoder.test_side_by_side import Here, without_times
+from tools.jobs.test_killed import in_child
+from tools.jobs.test_side_by_side import Here, without_times
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import complete_file
