@@ -9,16 +9,12 @@ if TYPE_CHECKING:
     from gsvc_ref.video.format import ChromaFormat, ColorDescription, Frame, VideoFormat
     from gsvc_ref.video.opening import VideoSource, open_video, open_writer
     from gsvc_ref.video.png import decode_png, encode_png
-    from gsvc_ref.video.resampling import FrameRateReader, Resampled, ScaledReader
     from gsvc_ref.video.stream import VideoReader, VideoWriter
 
 __all__ = [
     "ChromaFormat",
     "ColorDescription",
     "Frame",
-    "FrameRateReader",
-    "Resampled",
-    "ScaledReader",
     "VideoFormat",
     "VideoReader",
     "VideoSource",
@@ -35,9 +31,6 @@ _HOMES: Final = {
     "ChromaFormat": "format",
     "ColorDescription": "format",
     "Frame": "format",
-    "FrameRateReader": "resampling",
-    "Resampled": "resampling",
-    "ScaledReader": "resampling",
     "VideoFormat": "format",
     "VideoReader": "stream",
     "VideoSource": "opening",
