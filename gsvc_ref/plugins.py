@@ -8,6 +8,7 @@ package offers, by the functions here:
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
 - `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
+- `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`;
 - `set_page_writer`: the page of ``gsvc encode --report``.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
@@ -17,6 +18,8 @@ All rooms import this module, so it imports none of them, and their types are An
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from fractions import Fraction
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -54,6 +57,13 @@ class FileReader(Protocol):
         """A new `VideoReader` of a file that messages call `name`."""
 
 
+class MakeVmafMeter(Protocol):
+    """Makes a meter of VMAF."""
+
+    def __call__(self, peak: int, frame_rate: Fraction) -> AbstractContextManager[Any]:
+        """A new `VmafMeter` for frames whose largest sample value is `peak`."""
+
+
 class PageWriter(Protocol):
     """Writes a page about an encode."""
 
@@ -80,6 +90,7 @@ _sources: Final[list[NamedSource]] = []
 _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
+_vmaf_meters: Final[list[str]] = []
 _page_writers: Final[list[PageWriter]] = []
 
 
@@ -115,6 +126,11 @@ def add_target(target: Target) -> None:
 def set_encoder(module: str) -> None:
     """Let `gsvc_ref.encode` hand over what it does not do itself to the function ``encode`` of a module."""
     _encoders.append(module)
+
+
+def set_vmaf_meter(module: str) -> None:
+    """Let `gsvc_ref.metrics.compare_frames` score VMAF by the class ``VmafMeter`` of a module."""
+    _vmaf_meters.append(module)
 
 
 def set_page_writer(write: PageWriter) -> None:
@@ -185,6 +201,12 @@ def encoder() -> Callable[..., Any]:
             "which comes with gsvc_ref: pip install ."
         )
     return cast("Callable[..., Any]", import_module(_encoders[-1]).encode)
+
+
+def vmaf_meter() -> MakeVmafMeter | None:
+    """The meter of the module that was given to `set_vmaf_meter` last, or None."""
+    _load()
+    return cast("MakeVmafMeter", import_module(_vmaf_meters[-1]).VmafMeter) if _vmaf_meters else None
 
 
 def page_writer() -> PageWriter | None:
