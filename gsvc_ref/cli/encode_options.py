@@ -8,10 +8,8 @@ from gsvc_base.cli.arguments import (
     amount_of_bytes,
     finite,
     frame_range,
-    frame_rate,
     key_frames,
     numbers_of,
-    scale,
     whole,
 )
 
@@ -82,13 +80,6 @@ def add_options(parser: ArgumentParser) -> None:
     frames = parser.add_argument_group("frames")
     frames.add_argument("--frames", type=frame_range, metavar="A:B", help="encode frames A to B-1 only")
     frames.add_argument(
-        "--scale", type=scale, metavar="F|WxH", help="resample the pictures: by a factor, as 0.5, or to 640x360"
-    )
-    frames.add_argument(
-        "--fps", type=frame_rate, metavar="R",
-        help="another frame rate, as 12.5 or 30000/1001: at each time the frame that is shown then",
-    )  # fmt: skip
-    frames.add_argument(
         "--key-frames", type=key_frames, metavar="auto|K|LIST",
         help="I-frames: auto (default; at cuts), every K frames, or listed as 0,12,40",
     )  # fmt: skip
@@ -130,20 +121,9 @@ def add_options(parser: ArgumentParser) -> None:
         "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
     )
     other.add_argument(
-        "--jobs", type=whole, metavar="J",
-        help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
-        "depend on it. Default 1: a clip without cuts has one group (but --key-frames K makes more), and each "
-        "process needs memory",
-    )  # fmt: skip
-    other.add_argument(
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
-    other.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="write nothing: encode some frames, and say what time, size and quality the whole is likely to take",
-    )
     other.add_argument(
         "--report", metavar="PAGE.html",
         help="then write a page to look at: pictures, PSNR, bits, what x264 needs (gsvc report makes it later, too)",

@@ -11,8 +11,8 @@ from contextlib import suppress
 from typing import Any
 
 from gsvc_base.errors import UsageError
+from gsvc_base.processors import processors
 from gsvc_ref._compiler import numba
-from gsvc_ref.processes import processors
 
 _pool: ThreadPoolExecutor | None = None
 

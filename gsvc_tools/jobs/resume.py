@@ -1,0 +1,353 @@
+"""Groups of pictures that are done are kept in a folder, so that an encode that was killed can be gone on with.
+
+A folder belongs to one encode: `ABOUT` in it says which source, settings and code it is of, and any other is refused.
+Each group is a file of its own, by the number of its first frame, which has its name only when it is complete and on
+the disk. What is in a file is believed only if the source of each of its frames has the same digest now.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+
+from gsvc_base.arrays import Frame
+from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import complete_file, remove_leftover, try_lock
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.encoder.encoded_frame import EncodedFrame
+from gsvc_ref.encoder.frame_types import TypedFrame
+from gsvc_ref.encoder.loop import GroupCoder, described, encode_frame
+from gsvc_ref.encoder.recording import NothingSavedError
+from gsvc_ref.encoder.report import ProgressReporter
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.video import VideoFormat
+from gsvc_tools.jobs.code_version import code_version
+from gsvc_tools.jobs.kept_group import GroupWriter, KeptGroup
+
+ABOUT: Final = "encode.json"
+"""The file that says which encode a folder is of."""
+
+LOCK: Final = "lock"
+"""The file that is locked while an encode uses the folder."""
+
+MAX_ABOUT: Final = 1 << 20
+"""Maximum number of bytes of ABOUT; that of gsvc_ref has about 4,000."""
+
+SHORT: Final = 40
+"""Maximum length of the values of a setting that are named if they differ."""
+
+BESIDE_THE_POINT: Final = ("threads",)
+"""Settings that the bytes do not depend on."""
+
+
+class ChangedSourceError(NothingSavedError):
+    """The source has other frames than the encode that is gone on with, whose target stays as it is."""
+
+
+def about_encode(video: VideoFormat, settings: Settings) -> dict[str, Any]:
+    """What must be equal for an encode to go on with another, as JSON has it."""
+    kept = {name: value for name, value in asdict(settings).items() if name not in BESIDE_THE_POINT}
+    about = {"code": code_version(), "source": asdict(video), "settings": kept}
+    said: dict[str, Any] = json.loads(json.dumps(about, default=str))
+    return said
+
+
+class Keeper:
+    """The folder of an encode.
+
+    Parameters
+    ----------
+    folder
+        It is made if it does not exist.
+    about
+        What `about_encode` says.
+
+    Attributes
+    ----------
+    header
+        Tells the sequence header of the encode, which sets it; asked for when the first frame is encoded.
+    is_sound
+        Tells whether the source has had no fault; otherwise its last group may have more frames another time.
+    notes
+        Sentences on what was taken from the folder, and on what could not be kept.
+
+    Raises
+    ------
+    UsageError
+        It is of another encode, or another encode is using it.
+    OSError
+        It cannot be made or written.
+    """
+
+    header: Callable[[], SequenceHeader]
+
+    def __init__(self, folder: Path, about: dict[str, Any]) -> None:
+        self.folder = folder
+        self.is_sound: Callable[[], bool] = lambda: True
+        self.frames = self.groups = 0
+        self._faults: list[str] = []
+        self._is_full = False
+        folder.mkdir(exist_ok=True)
+        self._lock = self._locked()
+        try:
+            self._check(about)
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def _locked(self) -> BinaryIO:
+        file = (self.folder / LOCK).open("ab")
+        if try_lock(file) is False:
+            file.close()
+            raise UsageError(f"another encode keeps its groups in {self.folder}: wait for its end, or end it")
+        return file
+
+    def _check(self, about: dict[str, Any]) -> None:
+        """Refuse a folder of another encode; write in a new one which it is of."""
+        path = self.folder / ABOUT
+        if not path.exists():
+            with complete_file(path, durable=True) as file:
+                file.write(json.dumps(about, indent=1).encode())
+            return
+        try:
+            with path.open("rb") as stored:
+                before = json.loads(stored.read(MAX_ABOUT))
+            changed = _changes(before, about)
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
+            changed = [f"{path} cannot be read"]
+        if changed:
+            raise UsageError(
+                f"{self.folder} is of another encode ({'; '.join(changed[:3])}): encode as before, or remove the "
+                "folder to begin anew"
+            )
+
+    def group(self, first: int) -> "GroupInWork":
+        """The group that begins with a frame."""
+        return GroupInWork(self, first)
+
+    def read(self, first: int) -> KeptGroup | None:
+        """The group that was kept; None if there is none. One that is damaged is encoded again."""
+        path = self._path(first)
+        try:
+            kept = KeptGroup(path.read_bytes())
+        except FileNotFoundError:
+            return None
+        except (GsvcError, UsageError, OSError) as error:
+            self._faults.append(f"{path} cannot be read, so its frames were encoded again: {error}")
+            return None
+        quantizers = {
+            name: getattr(kept.header, name) for name in ("cholesky_bits", "color_stages", "color_codewords")
+        }  # they may be chosen on the first frame
+        count = kept.header.frame_count
+        if replace(self.header(), frame_count=count, **quantizers) != kept.header:
+            self._faults.append(f"{path} is of another stream, so its frames were encoded again")
+            return None
+        self.groups += 1
+        self.frames += count
+        return kept
+
+    def write(self, first: int, data: bytes) -> None:
+        """Keep a group; if that fails, as on a full disk, no more are kept, and the encode goes on."""
+        if self._is_full:
+            return
+        try:
+            with complete_file(self._path(first), durable=True) as file:
+                file.write(data)
+        except OSError as error:
+            self._is_full = True
+            said = error.strerror or str(error)
+            self._faults.append(
+                f"groups from frame {first} on could not be kept in {self.folder} ({said}): if this encode is ended, "
+                "they are encoded again"
+            )
+
+    def _path(self, first: int) -> Path:
+        return self.folder / f"{first:08}.gsvc"
+
+    @property
+    def notes(self) -> list[str]:
+        """Sentences on what was taken from the folder, and on what could not be kept."""
+        taken = []
+        if self.frames:
+            groups = "1 group" if self.groups == 1 else f"{self.groups} groups"
+            taken = [f"{self.frames} frames in {groups} of pictures were taken from {self.folder}"]
+        return taken + self._faults
+
+    def close(self) -> None:
+        """Let other encodes use the folder, which goes if nothing was kept."""
+        if not self._lock.closed:
+            if not any(self._kept()):
+                self.remove()
+            self._lock.close()
+
+    def _kept(self) -> Iterator[Path]:
+        return (path for path in self.folder.glob("*.gsvc") if path.stem.isdecimal())
+
+    def remove(self) -> None:
+        """Remove what was kept, and the folder, if nothing else is in it."""
+        with suppress(OSError):
+            for path in self._kept():
+                path.unlink()
+            for path in self.folder.glob(".*.part"):
+                remove_leftover(path)
+            for name in (ABOUT, LOCK):
+                (self.folder / name).unlink(missing_ok=True)
+            self.folder.rmdir()
+        self._lock.close()
+
+
+class GroupInWork:
+    """A group of pictures whose frames were kept, or are to be kept when all of them are encoded.
+
+    Attributes
+    ----------
+    first
+        The number of its first frame.
+    kept
+        The group that was kept; None: it is to be encoded.
+    """
+
+    def __init__(self, keeper: Keeper, first: int) -> None:
+        self.first, self._keeper = first, keeper
+        self.kept = keeper.read(first)
+        self._digests: list[str] = []
+        self._writer: GroupWriter | None = None
+        self._encoded = 0
+        self._decided: tuple[int, ...] = ()
+        self._is_whole = self._is_at_fault = False
+
+    def decide(self, coder: GroupCoder) -> bool:
+        """Let a coder know what the first frame decided, if this group has it and was kept."""
+        if self.kept is None:
+            return False
+        try:
+            coder.decide(self.kept.decided)
+        except ValueError:  # also a UsageError
+            raise GsvcError(
+                "malformed", f"what is kept in {self._keeper.folder} is damaged: remove the folder to begin anew"
+            ) from None
+        return True
+
+    def take(self, frame: Frame) -> tuple[EncodedFrame, float] | None:
+        """Take the next frame of the source: how it was encoded, in so many seconds; None if it is to be encoded.
+
+        Raises
+        ------
+        ChangedSourceError
+            The frames that were kept are of another source.
+        """
+        number, digest = len(self._digests), digest_of(frame)
+        self._digests.append(digest)
+        if self.kept is None:
+            return None
+        if number >= len(self.kept.digests) or self.kept.digests[number] != digest:
+            raise self._changed(number)
+        return self.kept.next_frame()
+
+    def add(self, encoded: EncodedFrame, seconds: float, decided: tuple[int, ...]) -> None:
+        """Add the next frame that was encoded, and what the coder of its group has decided by then."""
+        if self._is_at_fault:
+            return
+        try:
+            if self._writer is None:
+                self._writer, self._decided = GroupWriter(self._keeper.header()), decided
+            self._writer.add(encoded, seconds, self._digests[self._encoded])
+        except (GsvcError, UsageError):  # as will be raised when it is written to the target
+            self._is_at_fault, self._writer = True, None
+            return
+        self._encoded += 1
+        self._keep()
+
+    def end(self, *, is_last: bool) -> None:
+        """No frame follows, since another group does, or since this is the last one.
+
+        Raises
+        ------
+        ChangedSourceError
+            More frames were kept.
+        """
+        if self.kept is not None and len(self._digests) < len(self.kept.digests):
+            raise self._changed(len(self._digests))
+        self._is_whole = not is_last or self._keeper.is_sound()
+        self._keep()
+
+    def _keep(self) -> None:
+        """Keep it if it is complete."""
+        if self._is_whole and self._writer is not None and self._encoded == len(self._digests):
+            self._keeper.write(self.first, self._writer.finish(self._decided))
+            self._writer = None
+
+    def _changed(self, number: int) -> ChangedSourceError:
+        return ChangedSourceError(
+            f"frame {self.first + number} of the source is not the one that was encoded before: give the source as it "
+            f"was, or remove the folder {self._keeper.folder} to begin anew"
+        )
+
+
+@contextmanager
+def opened_keeper(folder: str | Path | None, video: VideoFormat, settings: Settings) -> Iterator[Keeper | None]:
+    """What keeps groups of pictures in a folder, if there is one, closed at the end."""
+    if folder is None:
+        yield None
+        return
+    keeper = Keeper(Path(folder), about_encode(video, settings))
+    try:
+        yield keeper
+    finally:
+        keeper.close()
+
+
+def encode_kept(
+    frames: Iterable[TypedFrame[Frame]], coder: GroupCoder, keeper: Keeper, progress: ProgressReporter
+) -> Iterator[EncodedFrame]:
+    """Encode frames as `encode_frames` does; take the groups that were kept from the keeper, and keep the others."""
+    group: GroupInWork | None = None
+    decided: GroupCoder | None = None
+    for frame in frames:
+        if frame.type == "I" or group is None:
+            if group is not None:
+                group.end(is_last=False)
+            group = keeper.group(frame.number)
+            if decided is None:
+                group.decide(coder)
+            else:
+                coder = decided.for_group()
+        if (kept := group.take(frame.frame)) is not None:
+            progress.kept += 1
+            progress.show("encode", frame.number)
+            encoded, seconds = kept
+            yield described(encoded, frame, coder, seconds)
+        else:
+            encoded = encode_frame(frame, coder, progress.watch)
+            yield encoded
+            group.add(encoded, encoded.elapsed_s, coder.decided())
+        decided = decided or coder.for_group()
+    if group is not None:
+        group.end(is_last=True)
+
+
+def digest_of(frame: Frame) -> str:
+    """SHA-256 of the shape, the type and the samples of a frame."""
+    array = np.ascontiguousarray(frame)
+    digest = sha256(f"{array.shape} {array.dtype.str} ".encode())
+    digest.update(array.data)
+    return digest.hexdigest()
+
+
+def _changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What two encodes differ in, in words."""
+    if before["code"] != now["code"]:
+        return [f"made by gsvc_ref {before['code']}, this is {now['code']}"]
+    found = []
+    for part in ("source", "settings"):
+        for name in sorted(before[part].keys() | now[part].keys()):
+            old, new = before[part].get(name), now[part].get(name)
+            if old != new:
+                values = f"was {old}, is {new}"
+                found.append(f"{part.removesuffix('s')} {name} {values if len(values) <= SHORT else 'is another'}")
+    return found
