@@ -1,13 +1,14 @@
 """From splats to pixels and back to gradients (spec.md sections 9, 10.2, 10.3 and 13).
 
 `definition` says in binary64 what a picture is, `bounds` how far a binary32 renderer may be from it, `deterministic`
-in which order operations come where every bit is fixed, and `work` how much a frame asks of a renderer. `renderer`,
+and in which order operations come where every bit is fixed. `renderer`,
 `sequence`, `objective` and `sampled` are what the rest of the package calls; they compute on the machine in `fast`.
 `pictures` and `losses` are single operations on pictures.
 """
 
 from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.rendering.losses import Loss, loss
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.pictures import to_frame, to_frame_deterministic
@@ -23,7 +24,6 @@ from gsvc_ref.rendering.renderer import (
 )
 from gsvc_ref.rendering.sampled import SampledObjective
 from gsvc_ref.rendering.sequence import SequenceRenderer
-from gsvc_ref.rendering.work import rendering_work
 
 __all__ = [
     "LN_255",
