@@ -1,25 +1,44 @@
 """Packages whose names are loaded when they are first used, so that a command waits for what it needs alone."""
 
-from collections.abc import Callable, Mapping
+import re
+from collections.abc import Callable
 from importlib import import_module
+from pathlib import Path
 from sys import modules
-from typing import Any
+from typing import Any, Final
+
+_IMPORT: Final = re.compile(r"^from (\S+) import (\w+)", re.MULTILINE)
+_ALIAS: Final = re.compile(r"^(\w+) = (\w+)$", re.MULTILINE)
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """`__getattr__` and `__dir__` of a package, by the module in it that each of its names comes from.
+def lazily(
+    package: str, **offered: Callable[[str], Any]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package, from its stub ``__init__.pyi``, which type checkers read.
 
-    A package sets both to what this returns. For type checkers it imports the names under ``TYPE_CHECKING``.
+    A line ``from MODULE import NAME as NAME`` of the stub is a name and its home; ``PUBLIC = NAME`` renames it.
+
+    Parameters
+    ----------
+    offered
+        By a package that plugs itself in: what gives its names, since this one must not import it.
     """
+    file = modules[package].__file__
+    assert file is not None
+    stub = Path(file).with_suffix(".pyi").read_text(encoding="utf-8")
+    homes = {name: (module, name) for module, name in _IMPORT.findall(stub)}
+    homes |= {public: homes.pop(name) for public, name in _ALIAS.findall(stub)}
 
     def get(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        value = getattr(import_module(f"{package}.{homes[name]}"), name)
+        module, attribute = homes[name]
+        if (plugged := offered.get(module.partition(".")[0])) is not None:
+            value = plugged(name)
+        else:  # a name of the module, or a module of the package
+            value = getattr(import_module(module), attribute, None) or import_module(f"{module}.{attribute}")
         setattr(modules[package], name, value)
         return value
 
-    def names() -> list[str]:
-        return sorted({*vars(modules[package]), *homes})
-
-    return get, names
+    names = sorted(homes)
+    return get, lambda: sorted({*vars(modules[package]), *names}), names

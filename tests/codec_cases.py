@@ -52,7 +52,7 @@ def faint_splats(count: int, seed: int, side: int) -> np.ndarray:
 
 def fast(**overrides) -> Settings:
     """Quick settings that are over in a blink: few evaluations, one key frame."""
-    intra = IntraSettings(grow=8, weigh=6, settle=1)
+    intra = IntraSettings(initialization=8, refinement=6, rounding=1)
     inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=4, rounded_iterations=3)
     return Settings.quick(**{"main_intra": intra, "main_inter": inter, "key_frames": (), "threads": 1} | overrides)
 

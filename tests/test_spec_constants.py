@@ -29,15 +29,6 @@ UNNEEDED = {
 }
 """Constants of Annex A that gsvc_ref has no need of, and why."""
 
-HOMONYMS = {
-    "HALF": ["gsvc_ref.training.coordinates"],
-    "REACH": ["gsvc_ref.encoder.main.candidates"],
-    "S_MOST": ["gsvc_ref.encoder.main.new_splats"],
-    "ALPHAS": ["gsvc_ref.encoder.main.density_choice"],
-    "GROUPS": ["gsvc_ref.encoder.main.differences"],
-}
-"""Modules that have another constant of the name of one of Annex A, or its value in a form for kernels."""
-
 OTHERS = {
     "unit of the error model": EPS,
     "loss by underflow in the error model": ETA,
@@ -109,7 +100,6 @@ def test_a_name_has_one_definition_with_the_value_of_the_spec(name):
     if name in UNNEEDED:
         assert homes == []
         return
-    homes = [home for home in homes if home not in HOMONYMS.get(name, [])]
     assert len(homes) == 1, f"{name} is defined in {homes}"
     value = getattr(importlib.import_module(homes[0]), name)
     assert plain(value) == plain(spec.namespace()[name])

@@ -41,8 +41,10 @@ MAINTAINING: Final = {
 COMMANDS: Final = USING | MAINTAINING
 
 OURS: Final = ("gsvc_conformance",)
-EXTRAS: Final = {"jsonschema": "verify", "gsvc_ref": "reference", "gsvc_lab": "reference", "hypothesis": "reference"}
-"""Packages that a plain installation does not bring, and the extra that does."""
+INSTALLS: Final = {"numpy": "pip install gsvc-conformance", "jsonschema": "pip install 'gsvc-conformance[verify]'"}
+"""What brings a package."""
+REFERENCE: Final = "in a checkout of the repository, pip install . './conformance[reference]'"
+"""What brings any other: gsvc_ref and what it needs. pip takes both of ours from the checkout."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -101,8 +103,7 @@ def _with_packages(words: list[str], named: str | None) -> int:
         package = (error.name or "").partition(".")[0]
         if package in ("", *OURS):
             raise
-        extra = f"[{EXTRAS[package]}]" if package in EXTRAS else ""
-        raise UsageError(f"needs {package}: pip install 'gsvc-conformance{extra}'") from None
+        raise UsageError(f"needs {package}: {INSTALLS.get(package, REFERENCE)}") from None
 
 
 def _run(words: list[str], named: str | None) -> int:

@@ -6,8 +6,21 @@
 
 from collections.abc import Callable
 from importlib import import_module
+from typing import Final
 
 from gsvc_conformance.operation import Values, operations
+
+RENDERING: Final = "gsvc_ref.rendering"
+"""A module that needs all packages of gsvc_ref: beside a checkout gsvc_ref itself is always there."""
+
+
+def is_installed() -> bool:
+    """Whether gsvc_ref and its packages are there."""
+    try:
+        import_module(RENDERING)
+    except ModuleNotFoundError:
+        return False
+    return True
 
 
 def namespace() -> dict[str, Callable[..., Values]]:
@@ -16,9 +29,9 @@ def namespace() -> dict[str, Callable[..., Values]]:
     Raises
     ------
     ModuleNotFoundError
-        gsvc_ref is not installed.
+        gsvc_ref or one of its packages is not installed.
     """
-    import_module("gsvc_ref")
+    import_module(RENDERING)
     return {name: operation.reference for name, operation in operations().items()}
 
 

@@ -34,23 +34,30 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
+import gsvc_ref
 from gsvc_base.draws import Draws
-from gsvc_base.errors import UsageError
-from gsvc_conformance import implementations, reference
-from gsvc_conformance.cases.main_streams import Plan, main_stream
-from gsvc_conformance.vector import VECTORS
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_lab.machine import environment
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.main.cells import halving_count
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.densities import Densities, Density
+from gsvc_ref.main.frames import MainState, code_run
 from gsvc_ref.processes import processors
+from gsvc_ref.testing import write_stream
+from gsvc_ref.testing.random_main_streams import RandomRun
+
+VECTORS: Final = Path(__file__).parents[2] / "vectors"
 
 OURS: Final = "gsvc_ref"
 
@@ -133,11 +140,27 @@ def _stream(vector: str) -> dict[str, Any]:
     return {"stream": (VECTORS / vector / "stream.gsvc").read_bytes()}
 
 
+DENSITIES: Final = (
+    Density(0, 8, 90), Density(1, 6, 10, 6), Density(1, 5, 8, 5), Density(0, 20, 20, -8), Density(1, 21, 2, 1),
+    Density(0, 24, -3),
+)  # fmt: skip
+"""Densities of luma, both chromas, size, aspect and shear, such as a fit has them."""
+
+
 def _main_stream(count: int, lane_exponent: int) -> dict[str, Any]:
     """A stream of profile `main`: an I-frame and four P-frames that change its splats; symbols are random."""
-    frames = [Plan("I", count, lane_exponent=lane_exponent)]
-    frames += [Plan("P", lane_exponent=lane_exponent, motion_cell=3)] * 4
-    return {"stream": main_stream(Draws(count), *frames, width=352, height=288, level=4, lane_count=64)}
+    header = SequenceHeader(profile=1, level=4, width=352, height=288, lane_count=64)
+    shapes = tuple(3 * i % 8 for i in range(halving_count(header.width, header.height)))
+    rng, state = Draws(count), MainState.initial(header.width, header.height)
+    densities = Densities(DENSITIES, shapes)
+    state, frames = replace(state, densities=densities), []
+    plans = [MainCodes(type="I", quantizer=24, lane_exponent=lane_exponent, densities=densities)]
+    plans += [MainCodes(type="P", quantizer=24, lane_exponent=lane_exponent, motion_cell=3)] * 4
+    for codes in plans:
+        new = count if codes.type == "I" else 0
+        state, codes = code_run(RandomRun(rng, "likely"), state, codes, new)
+        frames.append(codes)
+    return {"stream": write_stream(header, frames, index=False)}
 
 
 def _of_lanes(count: int, lane_exponent: int) -> Work:
@@ -213,11 +236,14 @@ def measure_here(module: str, settings: Mapping[str, str], works: Mapping[str, W
 
     Raises
     ------
-    UsageError
+    ImportError
         It cannot be imported.
     """
     functions: Mapping[str, Any]
-    functions = reference.namespace() if module == OURS else implementations.load_module(module).functions
+    if module == OURS:
+        functions = {work.operation: getattr(gsvc_ref, work.operation) for work in works.values()}
+    else:
+        functions = vars(import_module(module))
     tell = functions.get("environment", dict)
     result = Measured(module, settings, tell())
     measure(functions, works, seconds, result)
@@ -293,8 +319,8 @@ def main(words: Sequence[str] | None = None) -> None:
         settings = {name: os.environ[name] for name in arguments.setting}
         try:
             result = measure_here(arguments.modules[0], settings, works, arguments.seconds)
-        except UsageError as error:
-            sys.exit(str(error))
+        except ImportError as error:
+            sys.exit(f"{type(error).__name__}: {error}")
         arguments.here.write_text(json.dumps(asdict(result)), encoding="utf-8")
         return
     for work in works.values():

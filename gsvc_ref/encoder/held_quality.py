@@ -1,10 +1,12 @@
 """Constant quality: searches for the cheapest frame that reaches a PSNR, in both profiles."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Final, Protocol, TypeVar
 
 from gsvc_base.portable import log2, power
+from gsvc_ref.main.tables import QUANTIZERS
 
 ENOUGH: Final = 0.1
 """A frame with at most so many dB more than asked for is not made coarser."""
@@ -39,6 +41,9 @@ NEAR_GOAL: Final = 0.5
 MOST_DROP: Final = 1.0
 """Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
 
+DB_PER_STEP: Final = 0.4
+"""First guess of the PSNR in dB that a frame loses by a D an eighth of an octave coarser."""
+
 BEST: Final = 100.0
 """Stands for the PSNR of frames that are better, such as those equal to their source."""
 
@@ -53,6 +58,18 @@ class Judged(Protocol):
 
 
 JudgedT = TypeVar("JudgedT", bound=Judged)
+
+
+class Coded(Judged, Protocol):
+    """What is tried with several steps D: it has a number of bits as well."""
+
+    @property
+    def bits(self) -> float:
+        """Bits of the frame."""
+        ...
+
+
+CodedT = TypeVar("CodedT", bound=Coded)
 
 
 def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: float) -> tuple[int, JudgedT]:
@@ -200,3 +217,50 @@ def _is_better(psnr: float, other: float, goal: float) -> bool:
     if (psnr >= goal) != (other >= goal):
         return psnr >= goal
     return psnr < other if psnr >= goal else psnr > other
+
+
+def coarsest(
+    make: Callable[[int], CodedT],
+    first: int,
+    goal: float,
+    tries: int,
+    most_bits: float,
+    tried: Mapping[int, CodedT] = MappingProxyType({}),
+) -> CodedT:
+    """The frame with the coarsest step D, of those that are tried, that reaches a PSNR; otherwise the best.
+
+    Parameters
+    ----------
+    make
+        Makes a frame of profile `main` with a quantiser, 0..79.
+    first, tries
+        The quantiser that is tried first, and the most that are tried.
+    goal
+        PSNR in dB. The search ends with at most ENOUGH above it.
+    most_bits
+        A frame that misses the goal with more bits ends the search.
+    tried
+        Frames that there are already, by their quantiser.
+    """
+    found, quantizer, leap = dict(tried), first, 1
+    for _ in range(tries):
+        if quantizer in found or not 0 <= quantizer < QUANTIZERS:
+            break
+        coded = found[quantizer] = make(quantizer)
+        if 0 <= coded.psnr - goal <= ENOUGH:
+            break
+        fine = max((q for q, one in found.items() if one.psnr >= goal), default=-1)
+        coarse = min((q for q, one in found.items() if one.psnr < goal and q > fine), default=QUANTIZERS)
+        low, high = min(found), max(found)
+        slope = DB_PER_STEP
+        if low < high:
+            slope = max((found[low].psnr - found[high].psnr) / (high - low), DB_PER_STEP / 4)
+        steps = round((coded.psnr - goal) / slope)
+        if fine < 0:  # a finer D gains little until new splats are worth their bits
+            if coded.bits > most_bits:
+                break
+            leap *= 2
+            steps = min(steps, -leap)
+        quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
+    reaching = [q for q, one in found.items() if one.psnr >= goal]
+    return found[max(reaching)] if reaching else max(found.values(), key=lambda one: one.psnr)

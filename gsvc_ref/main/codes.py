@@ -1,5 +1,6 @@
 """The codes of a frame of profile `main`, before arithmetic (spec.md section 15)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from typing import Final, NamedTuple
 
@@ -71,6 +72,11 @@ class IntraCodes:
     def arrays(self) -> CodeArrays:
         """All codes."""
         return CodeArrays(self.cells, self.colors, self.shapes, self.places)
+
+    @classmethod
+    def joined(cls, parts: Sequence["IntraCodes"]) -> "IntraCodes":
+        """The codes of several parts, at least one, in their order."""
+        return cls(*(np.concatenate(arrays) for arrays in zip(*(part.arrays for part in parts), strict=True)))
 
     def take(self, indices: I8) -> "IntraCodes":
         """The codes of some splats, in another order."""

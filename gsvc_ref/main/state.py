@@ -4,7 +4,6 @@ A state is an array (N, 8) i8 with the columns X, Y (1/256 pixel), A, B (log2 of
 1/1024) and n0, n1, n2 (1/16). In these coordinates the squared error of a picture changes alike with each (15-1).
 """
 
-import math
 from typing import Final
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from gsvc_base.arrays import F4, I8
 from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.tables import EXP2_FLOAT
+from gsvc_ref.main.tables import power_of_two
 
 X_MOST: Final = 2**25
 A_LEAST: Final = -3072
@@ -85,20 +84,17 @@ def to_splats(state: I8) -> Splats:
 def parameters_of(state: I8) -> F4:
     """The parameters (N, 8) f4 of a state (N, 8): (15-5)."""
     parameters = np.empty((len(state), 8), np.float32)
-    _find_parameters(np.ascontiguousarray(state), EXP2_FLOAT, parameters)
+    _find_parameters(np.ascontiguousarray(state), parameters)
     return parameters
 
 
 @kernel()
-def _find_parameters(state: I8, exp2: F4, parameters: F4) -> None:
+def _find_parameters(state: I8, parameters: F4) -> None:
     for i in range(len(state)):
-        # Every operation is rounded to binary32 in the order of (15-5). An octave of EXP2 is 2^(v/1024) in 1/2^15, so
-        # that a shift of its exponent is exact.
+        # Every operation is rounded to binary32 in the order of (15-5).
         A, B = state[i, 2], state[i, 3]
-        v = -(A + B) >> 1  # g is 1 / sqrt(l11 l22): n is a colour times the root of its splat's area
-        l11 = exp2[A & 1023] * np.float32(math.ldexp(1.0, int(A >> 10) - 15))
-        l22 = exp2[B & 1023] * np.float32(math.ldexp(1.0, int(B >> 10) - 15))
-        g = exp2[v & 1023] * np.float32(math.ldexp(1.0, int(v >> 10) - 15))
+        l11, l22 = np.float32(power_of_two(A)), np.float32(power_of_two(B))
+        g = np.float32(power_of_two(-(A + B) >> 1))  # 1 / sqrt(l11 l22): n is a color times the root of the area
         a = np.float32(state[i, 5]) * MAIN_K1
         b = np.float32(state[i, 6]) * MAIN_K2
         c = np.float32(state[i, 7]) * MAIN_K3

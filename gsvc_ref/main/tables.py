@@ -7,8 +7,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gsvc_base.arrays import F4, I8
+from gsvc_base.arrays import I8
 from gsvc_base.errors import UsageError
+from gsvc_ref._jit import kernel
 
 OCTAVE: Final = 1024
 """Steps of an exponent in one octave."""
@@ -35,8 +36,6 @@ def _nearest_exp2() -> Iterator[int]:
 EXP2: Final[I8] = np.array([*_nearest_exp2()], np.int64)
 """2^(i/1024) with 15 bits behind the binary point, (1024,)."""
 
-EXP2_FLOAT: Final[F4] = EXP2.astype(np.float32)
-
 
 def exp2(v: ArrayLike, bits: int) -> Any:
     """2^(v/1024) with so many bits behind the binary point, rounded down (15-2); integers of any shape, |v| < 2^15."""
@@ -46,10 +45,10 @@ def exp2(v: ArrayLike, bits: int) -> Any:
     return (mantissa << np.maximum(shift, 0)) >> np.minimum(np.maximum(-shift, 0), 62)
 
 
-def power_of_two(v: I8) -> F4:
-    """2^(v/1024) of integers (N,) as exact binary32 numbers, |v| < 2^15."""
-    scaled: F4 = np.ldexp(EXP2_FLOAT[v & (OCTAVE - 1)], ((v >> 10) - 15).astype(np.int32))
-    return scaled
+@kernel(inline=True)
+def power_of_two(v: int) -> float:
+    """2^(v/1024) by the table, |v| < 2^15: 16 bits, so that it is exact in binary32 as well."""
+    return math.ldexp(np.float64(EXP2[v & (OCTAVE - 1)]), int(v >> 10) - 15)
 
 
 def _distribution(lower: NDArray[np.int64]) -> I8:

@@ -33,8 +33,7 @@ of the area, the relative change along the colour is h = k + (p + q) / 2, and th
 h^2 + (p^2 + q^2) / 2, where p^2 + q^2 = dm^2 + dr^2. The block is diagonal in (u, v, m, r, s, n), and its inverse is
 one division for each coordinate: what `descent` begins every inverse Hessian with.
 
-Every result is made of stated operations in binary64 and is the same on every machine. The functions whose names end
-in `_plain` are the definitions in NumPy; the others are compiled and give the same bits.
+Every result is made of stated operations in binary64 and is the same on every machine.
 """
 
 import math
@@ -43,12 +42,12 @@ from typing import Final
 import numpy as np
 
 from gsvc_base.arrays import F4, F8
-from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
 
-THIRD: Final = 1 / math.sqrt(3.0)
-HALF: Final = 1 / math.sqrt(2.0)
-SIXTH: Final = 1 / math.sqrt(6.0)
+PER_ROOT3: Final = 1 / math.sqrt(3.0)
+PER_ROOT2: Final = 1 / math.sqrt(2.0)
+PER_ROOT6: Final = 1 / math.sqrt(6.0)
+ROOT2: Final = math.sqrt(2.0)
 
 ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)
 """|n| of a splat with l11 = l22 = 1 px and a colour of length 1."""
@@ -59,8 +58,6 @@ LEAST_FACTOR: Final = 0.125
 LEAST_ENERGY: Final = 1.5
 """Splats with less energy than this many D have the units of one that has it."""
 
-ROOT: Final = math.sqrt(2.0)
-
 _LN2_HIGH: Final = 0.6931471803691238
 _LN2_LOW: Final = 1.9082149292705877e-10
 _PER_LN2: Final = 1 / math.log(2)
@@ -68,149 +65,44 @@ _EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
 
 
-# ---- the definitions ----
-def to_coordinates_plain(parameters: F4) -> F8:
-    """The definition of `to_coordinates`."""
-    p = np.asarray(parameters, np.float64)  # (N, 8) f8
-    l11, l22 = np.maximum(p[:, 2], LEAST_FACTOR), np.maximum(p[:, 4], LEAST_FACTOR)
-    a, b = log(l11), log(l22)
-    scale = ENERGY_SCALE * np.sqrt(l11 * l22)
-    red, green, blue = p[:, 5], p[:, 6], p[:, 7]
-    z = np.empty(p.shape)
-    z[:, 0], z[:, 1] = p[:, 0], p[:, 1]
-    z[:, 2], z[:, 3] = (a + b) * HALF, (a - b) * HALF
-    z[:, 4] = p[:, 3] / l22
-    z[:, 5] = ((red + green) + blue) * THIRD * scale
-    z[:, 6] = (red - blue) * HALF * scale
-    z[:, 7] = ((red - 2 * green) + blue) * SIXTH * scale
-    return z
-
-
-def to_parameters_plain(z: F8) -> F4:
-    """The definition of `to_parameters`."""
-    p = np.empty(z.shape, np.float32)
-    l22 = exp((z[:, 2] - z[:, 3]) * HALF)
-    p[:, 0], p[:, 1] = z[:, 0], z[:, 1]
-    p[:, 2], p[:, 3], p[:, 4] = exp((z[:, 2] + z[:, 3]) * HALF), z[:, 4] * l22, l22
-    scale = exp(-(z[:, 2] * HALF)) / ENERGY_SCALE
-    grey, across, green = z[:, 5] * THIRD, z[:, 6] * HALF, z[:, 7] * SIXTH
-    p[:, 5] = ((grey + across) + green) * scale
-    p[:, 6] = (grey - 2 * green) * scale
-    p[:, 7] = ((grey - across) + green) * scale
-    return p
-
-
-def gradient_by_coordinates_plain(parameters: F4, gradient: F4) -> F8:
-    """The definition of `gradient_by_coordinates`."""
-    p, g = np.asarray(parameters, np.float64), np.asarray(gradient, np.float64)  # (N, 8) f8 each
-    l11, l21, l22 = p[:, 2], p[:, 3], p[:, 4]
-    by_scale = 0.5 * ((g[:, 5] * p[:, 5] + g[:, 6] * p[:, 6]) + g[:, 7] * p[:, 7])
-    by_a = (g[:, 2] * l11 + g[:, 3] * l21) - by_scale
-    by_b = g[:, 4] * l22 - by_scale
-    scale = 1 / (ENERGY_SCALE * np.sqrt(l11 * l22))
-    out = np.empty(p.shape)
-    out[:, 0] = g[:, 0] * l11 + g[:, 1] * l21
-    out[:, 1] = g[:, 1] * l22
-    out[:, 2], out[:, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
-    out[:, 4] = g[:, 3] * l22
-    out[:, 5] = ((g[:, 5] + g[:, 6]) + g[:, 7]) * THIRD * scale
-    out[:, 6] = (g[:, 5] - g[:, 7]) * HALF * scale
-    out[:, 7] = ((g[:, 5] - 2 * g[:, 6]) + g[:, 7]) * SIXTH * scale
-    return out
-
-
-def moved_plain(z: F8, step: F8) -> F8:
-    """The definition of `moved`."""
-    l22 = exp((z[:, 2] - z[:, 3]) * HALF)
-    out = z + step
-    out[:, 0] = z[:, 0] + exp((z[:, 2] + z[:, 3]) * HALF) * step[:, 0]
-    out[:, 1] = z[:, 1] + (z[:, 4] * l22 * step[:, 0] + l22 * step[:, 1])
-    out[:, 4] = z[:, 4] * exp(ROOT * step[:, 3]) + step[:, 4]
-    return out
-
-
-def units_plain(z: F8, quantizer: float) -> F8:
-    """The definition of `units`."""
-    energy = np.sqrt((z[:, 5] * z[:, 5] + z[:, 6] * z[:, 6]) + z[:, 7] * z[:, 7])
-    relative = quantizer / np.maximum(energy, LEAST_ENERGY * quantizer)  # (N,) f8
-    out = np.empty(z.shape)
-    out[:, :4] = (ROOT * relative)[:, None]
-    out[:, 4] = 2 * relative
-    out[:, 5:] = quantizer
-    return out
-
-
-# ---- the compiled twins ----
 def to_coordinates(parameters: F4) -> F8:
-    """The coordinates of splats.
-
-    Parameters
-    ----------
-    parameters
-        (N, 8) f4 in the columns of `Splats.to_array`; l11 and l22 below LEAST_FACTOR count as that.
-
-    Returns
-    -------
-    F8
-        (N, 8): x, y, m, r, s, n0, n1, n2.
-    """
+    """The coordinates (N, 8) of splats (N, 8) f4; l11 and l22 below LEAST_FACTOR count as that."""
     z = np.empty(parameters.shape)
-    to_coordinates_kernel(parameters, z)
+    _to_coordinates(parameters, z)
     return z
 
 
 def to_parameters(z: F8) -> F4:
     """The parameters (N, 8) f4 of splats with the coordinates z (N, 8): the inverse of `to_coordinates`."""
     parameters = np.empty(z.shape, np.float32)
-    to_parameters_kernel(z, parameters)
+    _to_parameters(z, parameters)
     return parameters
 
 
 def gradient_by_coordinates(parameters: F4, gradient: F4) -> F8:
-    """The gradient by (u, v, m, r, s, n0, n1, n2), the positions' in the splats' own axes.
-
-    Parameters
-    ----------
-    parameters
-        (N, 8) f4.
-    gradient
-        (N, 8) f4, that by the parameters, of any loss.
-
-    Returns
-    -------
-    F8
-        (N, 8).
-    """
+    """The gradient (N, 8) by (u, v, m, r, s, n0, n1, n2) of any loss, from that by the parameters (N, 8) f4."""
     out = np.empty(parameters.shape)
-    gradient_kernel(parameters, gradient, out)
+    _gradients(parameters, gradient, out)
     return out
 
 
 def moved(z: F8, step: F8) -> F8:
     """The coordinates (N, 8) of splats after a step (N, 8) by (u, v, m, r, s, n0, n1, n2)."""
     out = np.empty(z.shape)
-    moved_kernel(z, step, out)
+    _move(z, step, out)
     return out
 
 
-def units(z: F8, quantizer: float) -> F8:
-    """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth the squared error D^2 (metric).
-
-    Parameters
-    ----------
-    z
-        (N, 8) f8.
-    quantizer
-        D, in units of 8 bits.
-
-    Returns
-    -------
-    F8
-        (N, 8).
-    """
+def units(z: F8, D: float) -> F8:
+    """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
     out = np.empty(z.shape)
-    units_kernel(z, quantizer, out)
+    _units(z, D, out)
     return out
+
+
+def energies(z: F8) -> F8:
+    """E^2 of each splat, (N,)."""
+    return np.asarray((z[:, 5] * z[:, 5] + z[:, 6] * z[:, 6]) + z[:, 7] * z[:, 7])
 
 
 @kernel(inline=True)
@@ -238,9 +130,14 @@ def log_kernel(x: float) -> float:
     return exponent * _LN2_HIGH + (ratio * total + exponent * _LN2_LOW)
 
 
+@kernel(inline=True)
+def energy(z: F8) -> float:
+    """E^2 of a splat (8,)."""
+    return float((z[5] * z[5] + z[6] * z[6]) + z[7] * z[7])
+
+
 @kernel()
-def to_coordinates_kernel(parameters: F4, z: F8) -> None:
-    """`to_coordinates_plain`, written into z (N, 8)."""
+def _to_coordinates(parameters: F4, z: F8) -> None:
     for i in range(len(z)):
         l11 = max(np.float64(parameters[i, 2]), LEAST_FACTOR)
         l22 = max(np.float64(parameters[i, 4]), LEAST_FACTOR)
@@ -248,73 +145,87 @@ def to_coordinates_kernel(parameters: F4, z: F8) -> None:
         scale = ENERGY_SCALE * math.sqrt(l11 * l22)
         red, green, blue = np.float64(parameters[i, 5]), np.float64(parameters[i, 6]), np.float64(parameters[i, 7])
         z[i, 0], z[i, 1] = parameters[i, 0], parameters[i, 1]
-        z[i, 2], z[i, 3] = (a + b) * HALF, (a - b) * HALF
+        z[i, 2], z[i, 3] = (a + b) * PER_ROOT2, (a - b) * PER_ROOT2
         z[i, 4] = np.float64(parameters[i, 3]) / l22
-        z[i, 5] = ((red + green) + blue) * THIRD * scale
-        z[i, 6] = (red - blue) * HALF * scale
-        z[i, 7] = ((red - 2 * green) + blue) * SIXTH * scale
+        z[i, 5] = ((red + green) + blue) * PER_ROOT3 * scale
+        z[i, 6] = (red - blue) * PER_ROOT2 * scale
+        z[i, 7] = ((red - 2 * green) + blue) * PER_ROOT6 * scale
+
+
+@kernel(inline=True)
+def put_parameters(z: F8, row: F4) -> None:
+    """The parameters of a splat with the coordinates z (8,), into row (8,): `to_parameters`."""
+    l22 = exp_kernel((z[2] - z[3]) * PER_ROOT2)
+    row[0], row[1] = z[0], z[1]
+    row[2], row[3], row[4] = exp_kernel((z[2] + z[3]) * PER_ROOT2), z[4] * l22, l22
+    scale = exp_kernel(-(z[2] * PER_ROOT2)) / ENERGY_SCALE  # 1 / sqrt(l11 l22) = exp(-m / sqrt 2)
+    grey, across, green = z[5] * PER_ROOT3, z[6] * PER_ROOT2, z[7] * PER_ROOT6
+    row[5] = ((grey + across) + green) * scale  # the transpose of M is its inverse
+    row[6] = (grey - 2 * green) * scale
+    row[7] = ((grey - across) + green) * scale
 
 
 @kernel()
-def to_parameters_kernel(z: F8, parameters: F4) -> None:
-    """`to_parameters_plain`, written into parameters (N, 8)."""
+def _to_parameters(z: F8, parameters: F4) -> None:
     for i in range(len(z)):
-        l22 = exp_kernel((z[i, 2] - z[i, 3]) * HALF)
-        parameters[i, 0], parameters[i, 1] = z[i, 0], z[i, 1]
-        parameters[i, 2], parameters[i, 3] = exp_kernel((z[i, 2] + z[i, 3]) * HALF), z[i, 4] * l22
-        parameters[i, 4] = l22
-        scale = exp_kernel(-(z[i, 2] * HALF)) / ENERGY_SCALE
-        grey, across, green = z[i, 5] * THIRD, z[i, 6] * HALF, z[i, 7] * SIXTH
-        parameters[i, 5] = ((grey + across) + green) * scale
-        parameters[i, 6] = (grey - 2 * green) * scale
-        parameters[i, 7] = ((grey - across) + green) * scale
+        put_parameters(z[i], parameters[i])
+
+
+@kernel(inline=True)
+def put_gradient(row: F4, g: F4, out: F8) -> None:
+    """The gradient by (u, v, m, r, s, n), into out (8,), from that by the parameters, g (8,), at `row` (8,).
+
+    n holds while the size changes, so that a colour goes as 1 / sqrt(l11 l22): that is the term `by_scale`. l21 / l11
+    holds as well, so that l21 goes with l11 = exp(a) and not with l22 = exp(b).
+    """
+    l11, l21, l22 = np.float64(row[2]), np.float64(row[3]), np.float64(row[4])
+    g0, g1, g2, g3, g4 = np.float64(g[0]), np.float64(g[1]), np.float64(g[2]), np.float64(g[3]), np.float64(g[4])
+    g5, g6, g7 = np.float64(g[5]), np.float64(g[6]), np.float64(g[7])
+    by_scale = 0.5 * ((g5 * np.float64(row[5]) + g6 * np.float64(row[6])) + g7 * np.float64(row[7]))
+    by_a = (g2 * l11 + g3 * l21) - by_scale
+    by_b = g4 * l22 - by_scale
+    scale = 1 / (ENERGY_SCALE * math.sqrt(l11 * l22))
+    out[0] = g0 * l11 + g1 * l21
+    out[1] = g1 * l22
+    out[2], out[3] = (by_a + by_b) * PER_ROOT2, (by_a - by_b) * PER_ROOT2
+    out[4] = g3 * l22
+    out[5] = ((g5 + g6) + g7) * PER_ROOT3 * scale
+    out[6] = (g5 - g7) * PER_ROOT2 * scale
+    out[7] = ((g5 - 2 * g6) + g7) * PER_ROOT6 * scale
 
 
 @kernel()
-def gradient_kernel(parameters: F4, gradient: F4, out: F8) -> None:
-    """`gradient_by_coordinates_plain`, written into out (N, 8)."""
+def _gradients(parameters: F4, gradient: F4, out: F8) -> None:
     for i in range(len(out)):
-        l11, l21 = np.float64(parameters[i, 2]), np.float64(parameters[i, 3])
-        l22 = np.float64(parameters[i, 4])
-        g0, g1, g2 = np.float64(gradient[i, 0]), np.float64(gradient[i, 1]), np.float64(gradient[i, 2])
-        g3, g4, g5 = np.float64(gradient[i, 3]), np.float64(gradient[i, 4]), np.float64(gradient[i, 5])
-        g6, g7 = np.float64(gradient[i, 6]), np.float64(gradient[i, 7])
-        by_scale = 0.5 * (
-            (g5 * np.float64(parameters[i, 5]) + g6 * np.float64(parameters[i, 6])) + g7 * np.float64(parameters[i, 7])
-        )
-        by_a = (g2 * l11 + g3 * l21) - by_scale
-        by_b = g4 * l22 - by_scale
-        scale = 1 / (ENERGY_SCALE * math.sqrt(l11 * l22))
-        out[i, 0] = g0 * l11 + g1 * l21
-        out[i, 1] = g1 * l22
-        out[i, 2], out[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
-        out[i, 4] = g3 * l22
-        out[i, 5] = ((g5 + g6) + g7) * THIRD * scale
-        out[i, 6] = (g5 - g7) * HALF * scale
-        out[i, 7] = ((g5 - 2 * g6) + g7) * SIXTH * scale
+        put_gradient(parameters[i], gradient[i], out[i])
 
 
 @kernel()
-def moved_kernel(z: F8, step: F8, out: F8) -> None:
-    """`moved_plain`, written into out (N, 8), which may be z."""
+def _move(z: F8, step: F8, out: F8) -> None:
     for i in range(len(out)):
-        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * HALF), exp_kernel((z[i, 2] - z[i, 3]) * HALF)
+        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * PER_ROOT2), exp_kernel((z[i, 2] - z[i, 3]) * PER_ROOT2)
         out[i, 0] = z[i, 0] + l11 * step[i, 0]
         out[i, 1] = z[i, 1] + (z[i, 4] * l22 * step[i, 0] + l22 * step[i, 1])
         for k in range(2, 8):
             if k != 4:
                 out[i, k] = z[i, k] + step[i, k]
-        out[i, 4] = z[i, 4] * exp_kernel(ROOT * step[i, 3]) + step[i, 4]
+        out[i, 4] = z[i, 4] * exp_kernel(ROOT2 * step[i, 3]) + step[i, 4]  # l21 / l11 holds
 
 
 @kernel()
-def units_kernel(z: F8, quantizer: float, out: F8) -> None:
-    """`units_plain`, written into out (N, 8)."""
+def _units(z: F8, D: float, out: F8) -> None:
     for i in range(len(out)):
-        energy = math.sqrt((z[i, 5] * z[i, 5] + z[i, 6] * z[i, 6]) + z[i, 7] * z[i, 7])
-        relative = quantizer / max(energy, LEAST_ENERGY * quantizer)
+        relative = D / max(math.sqrt(energy(z[i])), LEAST_ENERGY * D)
         for k in range(4):
-            out[i, k] = ROOT * relative
+            out[i, k] = ROOT2 * relative
         out[i, 4] = 2 * relative
         for k in range(5, 8):
-            out[i, k] = quantizer
+            out[i, k] = D
+
+
+@kernel(inline=True)
+def limited(m: float, r: float, low: float, high: float) -> tuple[float, float]:
+    """The size and aspect nearest to these whose ln l11 and ln l22 are between two numbers."""
+    a = min(max((m + r) * PER_ROOT2, low), high)
+    b = min(max((m - r) * PER_ROOT2, low), high)
+    return (a + b) * PER_ROOT2, (a - b) * PER_ROOT2

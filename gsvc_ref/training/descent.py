@@ -1,21 +1,28 @@
 """L-BFGS over splats in the coordinates of the metric, whose diagonal starts every inverse Hessian."""
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_base.arrays import F8
+from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.training.coordinates import ENERGY_SCALE, HALF, LEAST_ENERGY, exp_kernel
+from gsvc_ref.training.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
 
 MEMORY: Final = 8
+"""Pairs of steps and changes of the gradient that are kept."""
+
 FIRST_SCALE: Final = 0.25
+RESTART_SCALE: Final = 0.1
 LEAST_SCALE: Final = 0.02
+"""Shares of the metric's inverse that the inverse Hessian begins with: at first, after a restart, and at least."""
 
 RESTART_OCTAVES: Final = 2
 """How many times the first step of a restart is halved, after one that found no smaller error."""
+
+LEAST_CURVATURE: Final = 1e-30
+"""A pair whose product step . change is not above this says nothing of the curvature."""
 
 MOST_MOVE: Final = 0.7
 """Longest step of a position, in standard deviations of its splat."""
@@ -23,6 +30,17 @@ MOST_SHAPE: Final = 0.4
 """Largest change of size, aspect and shear."""
 MOST_COLOR: Final = 0.3
 """Largest change of a colour, of 1."""
+
+RISE: Final = 1.01
+"""A walk goes back to its best point where the error is this many times as large."""
+
+
+class Pairs(NamedTuple):
+    """The last steps s and the changes y of the gradient along them, by (u, v, m, r, s, n0, n1, n2)."""
+
+    steps: F8  # (MEMORY, N, 8)
+    changes: F8  # (MEMORY, N, 8)
+    inverse: F8  # (MEMORY,), 1 / (s . y)
 
 
 class LBFGS:
@@ -32,24 +50,14 @@ class LBFGS:
     as `scale` times that of the metric, with the scale that fits the last pair. Pairs of no positive curvature are
     left out. Where the error rises, the next step is halved. The step of each splat is limited.
 
-    Parameters
-    ----------
-    count
-        The number of splats.
-    quantizer
-        D, below LEAST_ENERGY times which the energy of a splat counts as that.
-
-    Attributes
-    ----------
-    quantizer
-        The one given.
+    `D` bounds the units of faint splats: energies below LEAST_ENERGY D count as that.
     """
 
-    def __init__(self, count: int, quantizer: float) -> None:
-        self.quantizer = quantizer
-        self._steps, self._changes = np.zeros((2, MEMORY, count, 8))  # (MEMORY, N, 8) f8 each
-        self._inverse = np.zeros(MEMORY)  # (MEMORY,) f8: 1 / (step . change)
-        self._pairs, self._last, self._scale, self._shrink, self._error = 0, -1, FIRST_SCALE, 1.0, math.inf
+    def __init__(self, count: int, D: float) -> None:
+        self.D = D
+        steps, changes = np.zeros((2, MEMORY, count, 8))
+        self._pairs, self._known, self._last = Pairs(steps, changes, np.zeros(MEMORY)), 0, -1
+        self._scale, self._shrink, self._error = FIRST_SCALE, 1.0, math.inf
         self._least, self._restarts = math.inf, 0  # the least error, and the restarts since then
         self._step: F8 | None = None  # (N, 8) f8, the last one made
         self._gradient = np.zeros((0, 8))
@@ -57,12 +65,14 @@ class LBFGS:
     def append(self, new: int) -> None:
         """Let `new` splats, or none, follow the others; the next gradient makes no pair."""
         zeros = np.zeros((MEMORY, new, 8))
-        self._steps, self._changes = (np.concatenate([a, zeros], axis=1) for a in (self._steps, self._changes))
-        self._step, self._error, self._least = None, math.inf, math.inf
+        self._replace(*(np.concatenate([one, zeros], axis=1) for one in self._pairs[:2]))
 
     def take(self, indices: NDArray[np.int64]) -> None:
         """Keep the splats of these indices; the next gradient makes no pair."""
-        self._steps, self._changes = self._steps[:, indices], self._changes[:, indices]
+        self._replace(*(one.take(indices, axis=1) for one in self._pairs[:2]))
+
+    def _replace(self, steps: F8, changes: F8) -> None:
+        self._pairs = Pairs(steps, changes, self._pairs.inverse)
         self._step, self._error, self._least = None, math.inf, math.inf
 
     def step(self, z: F8, error: float, gradient: F8) -> F8:
@@ -73,10 +83,9 @@ class LBFGS:
         self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
         self._error, self._gradient = error, gradient.copy()
         self._step = np.empty_like(z)
-        _direction(
-            z, gradient, self._steps, self._changes, self._inverse, self._pairs, self._last, self._scale,
-            self.quantizer, self._shrink, self._step,
-        )  # fmt: skip
+        ages = np.arange(self._last, self._last - self._known, -1) % MEMORY  # from the last pair back
+        _direction(z, gradient, self._pairs, ages, self.D, self._scale, self._step)
+        _limit(z, self._shrink, self._step)
         return self._step
 
     def restart(self, length: float | None = None) -> None:
@@ -84,7 +93,7 @@ class LBFGS:
 
         With a length the next step is `length` times as long, and those after it grow to twice the one before.
         """
-        self._pairs, self._scale, self._step, self._error = 0, 0.1, None, math.inf
+        self._known, self._scale, self._step, self._error = 0, RESTART_SCALE, None, math.inf
         self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
         self._restarts += 1
         if length is not None:
@@ -96,11 +105,50 @@ class LBFGS:
             return
         at = (self._last + 1) % MEMORY
         change = gradient - self._gradient
-        product, square = _curvature(z, self._step, change, self.quantizer)
-        if product > 1e-30:
-            self._steps[at], self._changes[at], self._inverse[at] = self._step, change, 1 / product
-            self._last, self._pairs = at, min(self._pairs + 1, MEMORY)
+        product, square = _curvature(z, self._step, change, self.D)
+        if product > LEAST_CURVATURE:
+            self._pairs.steps[at], self._pairs.changes[at], self._pairs.inverse[at] = self._step, change, 1 / product
+            self._last, self._known = at, min(self._known + 1, MEMORY)
             self._scale = min(max(product / square, LEAST_SCALE), 1.0)
+
+
+class Point(NamedTuple):
+    """A point of a walk: the error, the coordinates (N, 8) f8, and the gradient there."""
+
+    error: float
+    z: F8
+    gradient: F8
+
+
+class Walk:
+    """L-BFGS over the splats of a picture, which goes back to its best point where the error has risen."""
+
+    def __init__(self, count: int, D: float) -> None:
+        self._descent = LBFGS(count, D)
+        self.best: Point | None = None  # that of the least error since the function or the splats changed
+
+    def next(self, z: F8, error: float, gradient: F8) -> F8:
+        """The coordinates (N, 8) to evaluate after z (N, 8), given the error there and its gradient (N, 8)."""
+        if self.best is None or error < self.best.error:
+            self.best = Point(error, z, gradient)
+        elif error > RISE * self.best.error:
+            error, z, gradient = self.best
+            self._descent.restart()
+        return moved(z, self._descent.step(z, error, gradient))
+
+    def learn(self, z: F8, error: float, gradient: F8) -> None:
+        """Take the pair that leads to a point, and stay there: the function or the splats are about to change."""
+        self._descent.step(z, error, gradient)
+
+    def append(self, new: int) -> None:
+        """Let `new` splats follow, 0 where another function is evaluated from now on."""
+        self._descent.append(new)
+        self.best = None
+
+    def take(self, indices: NDArray[np.int64]) -> None:
+        """Go on with the splats of these indices alone."""
+        self._descent.take(indices)
+        self.best = None
 
 
 @kernel(inline=True)
@@ -120,11 +168,10 @@ def _dot(a: F8, b: F8) -> float:
 
 
 @kernel(inline=True)
-def _inverse_metric(z: F8, g: F8, quantizer: float, scale: float, out: F8) -> None:
+def _inverse_metric(z: F8, g: F8, D: float, scale: float, out: F8) -> None:
     """Out = scale (2 metric)^-1 g, by (u, v, m, r, s, n)."""
     for i in range(len(z)):
-        energy = z[i, 5] * z[i, 5] + z[i, 6] * z[i, 6] + z[i, 7] * z[i, 7]
-        f = scale / max(energy, LEAST_ENERGY * LEAST_ENERGY * quantizer * quantizer)
+        f = scale / max(energy(z[i]), LEAST_ENERGY * LEAST_ENERGY * D * D)
         for k in range(4):
             out[i, k] = f * g[i, k]
         out[i, 4] = 2 * f * g[i, 4]
@@ -133,36 +180,37 @@ def _inverse_metric(z: F8, g: F8, quantizer: float, scale: float, out: F8) -> No
 
 
 @kernel()
-def _curvature(z: F8, step: F8, change: F8, quantizer: float) -> tuple[float, float]:
+def _curvature(z: F8, step: F8, change: F8, D: float) -> tuple[float, float]:
     """The products step . change, and change . metric^-1 change."""
     out = np.empty_like(change)
-    _inverse_metric(z, change, quantizer, 1.0, out)
+    _inverse_metric(z, change, D, 1.0, out)
     return _dot(step, change), _dot(change, out)
 
 
 @kernel()
-def _direction(
-    z: F8, gradient: F8, steps: F8, changes: F8, inverse: F8, pairs: int, last: int, scale: float, quantizer: float,
-    shrink: float, step: F8,
-) -> None:  # fmt: skip
-    """The two loops, and the limits of each splat's step."""
-    memory = len(steps)
-    weights = np.empty(memory)
-    q = gradient.copy()
-    for age in range(pairs):
-        p = (last - age) % memory
-        weights[p] = inverse[p] * _dot(steps[p], q)
+def _direction(z: F8, gradient: F8, pairs: Pairs, ages: I8, D: float, scale: float, step: F8) -> None:
+    """The inverse Hessian times the gradient, by the two loops over pairs (Nocedal 1980)."""
+    steps, changes, inverse = pairs
+    weights, q = np.empty(len(ages)), gradient.copy()
+    for age in range(len(ages)):  # from the last pair to the first
+        p = ages[age]
+        weights[age] = inverse[p] * _dot(steps[p], q)
         for i in range(len(q)):
             for k in range(8):
-                q[i, k] -= weights[p] * changes[p, i, k]
-    _inverse_metric(z, q, quantizer, scale, step)
-    for age in range(pairs - 1, -1, -1):
-        p = (last - age) % memory
-        f = weights[p] - inverse[p] * _dot(changes[p], step)
+                q[i, k] -= weights[age] * changes[p, i, k]
+    _inverse_metric(z, q, D, scale, step)
+    for age in range(len(ages) - 1, -1, -1):
+        p = ages[age]
+        f = weights[age] - inverse[p] * _dot(changes[p], step)
         for i in range(len(q)):
             for k in range(8):
                 step[i, k] += f * steps[p, i, k]
-    for i in range(len(q)):
+
+
+@kernel()
+def _limit(z: F8, shrink: float, step: F8) -> None:
+    """Turn the direction around, and limit the step of each splat: geometry and colour each keep their direction."""
+    for i in range(len(step)):
         for k in range(8):
             step[i, k] *= -shrink
         move = math.sqrt(step[i, 0] * step[i, 0] + step[i, 1] * step[i, 1]) / MOST_MOVE
@@ -171,7 +219,7 @@ def _direction(
         if over > 1:
             for k in range(5):
                 step[i, k] /= over
-        most = MOST_COLOR * ENERGY_SCALE * exp_kernel(z[i, 2] * HALF)
+        most = MOST_COLOR * ENERGY_SCALE * exp_kernel(z[i, 2] * PER_ROOT2)
         color = math.sqrt(step[i, 5] * step[i, 5] + step[i, 6] * step[i, 6] + step[i, 7] * step[i, 7]) / most
         if color > 1:
             for k in range(5, 8):

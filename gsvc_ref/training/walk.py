@@ -13,8 +13,8 @@ from gsvc_base.arrays import F4, F8
 from gsvc_base.portable import exp
 from gsvc_ref._jit import kernel
 from gsvc_ref.training.coordinates import (
-    HALF,
-    ROOT,
+    PER_ROOT2,
+    ROOT2,
     exp_kernel,
     gradient_by_coordinates,
     log_kernel,
@@ -176,19 +176,19 @@ class Walk:
 def pull_plain(z: F8, start: F8, weights: F8) -> tuple[float, F8]:
     """The definition of `add_pull`: the pull, and its gradient (n, 8)."""
     energy = weights * ((start[:, 5] * start[:, 5] + start[:, 6] * start[:, 6]) + start[:, 7] * start[:, 7])
-    l11, l22 = exp((z[:, 2] + z[:, 3]) * HALF), exp((z[:, 2] - z[:, 3]) * HALF)
-    o11, o22 = exp((start[:, 2] + start[:, 3]) * HALF), exp((start[:, 2] - start[:, 3]) * HALF)
+    l11, l22 = exp((z[:, 2] + z[:, 3]) * PER_ROOT2), exp((z[:, 2] - z[:, 3]) * PER_ROOT2)
+    o11, o22 = exp((start[:, 2] + start[:, 3]) * PER_ROOT2), exp((start[:, 2] - start[:, 3]) * PER_ROOT2)
     u = (z[:, 0] - start[:, 0]) / o11
     v = (z[:, 1] - start[:, 1]) / o22 - start[:, 4] * u
     m, r = z[:, 2] - start[:, 2], z[:, 3] - start[:, 3]
-    s = z[:, 4] - start[:, 4] * exp(ROOT * r)
+    s = z[:, 4] - start[:, 4] * exp(ROOT2 * r)
     n = z[:, 5:] - start[:, 5:]
     pull = (energy * ((u * u + v * v + m * m + r * r) / 2 + s * s / 4)).sum() + (weights * (n * n).sum(axis=1)).sum()
     by_x, by_y = energy * (u - v * start[:, 4]) / o11, energy * v / o22
     gradient = np.empty(z.shape)
     gradient[:, 0] = l11 * by_x + z[:, 4] * l22 * by_y
     gradient[:, 1] = l22 * by_y
-    gradient[:, 2], gradient[:, 3] = energy * m, energy * (r + s * s / ROOT)
+    gradient[:, 2], gradient[:, 3] = energy * m, energy * (r + s * s / ROOT2)
     gradient[:, 4] = energy * s / 2
     gradient[:, 5:] = 2 * weights[:, None] * n
     return float(pull), gradient
@@ -220,19 +220,19 @@ def add_pull(z: F8, start: F8, weights: F8, gradient: F8) -> float:
         energy = weights[i] * (
             (start[i, 5] * start[i, 5] + start[i, 6] * start[i, 6]) + start[i, 7] * start[i, 7]
         )  # fmt: skip
-        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * HALF), exp_kernel((z[i, 2] - z[i, 3]) * HALF)
-        o11 = exp_kernel((start[i, 2] + start[i, 3]) * HALF)
-        o22 = exp_kernel((start[i, 2] - start[i, 3]) * HALF)
+        l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * PER_ROOT2), exp_kernel((z[i, 2] - z[i, 3]) * PER_ROOT2)
+        o11 = exp_kernel((start[i, 2] + start[i, 3]) * PER_ROOT2)
+        o22 = exp_kernel((start[i, 2] - start[i, 3]) * PER_ROOT2)
         u = (z[i, 0] - start[i, 0]) / o11
         v = (z[i, 1] - start[i, 1]) / o22 - start[i, 4] * u
         m, r = z[i, 2] - start[i, 2], z[i, 3] - start[i, 3]
-        s = z[i, 4] - start[i, 4] * exp_kernel(min(ROOT * r, 700.0))
+        s = z[i, 4] - start[i, 4] * exp_kernel(min(ROOT2 * r, 700.0))
         total += energy * (((u * u + v * v) + (m * m + r * r)) / 2 + s * s / 4)
         by_x, by_y = energy * (u - v * start[i, 4]) / o11, energy * v / o22
         gradient[i, 0] += l11 * by_x + z[i, 4] * l22 * by_y
         gradient[i, 1] += l22 * by_y
         gradient[i, 2] += energy * m
-        gradient[i, 3] += energy * (r + s * s * HALF)
+        gradient[i, 3] += energy * (r + s * s * PER_ROOT2)
         gradient[i, 4] += energy * s / 2
         for k in range(5, 8):
             n = z[i, k] - start[i, k]
@@ -249,12 +249,12 @@ def hold_at_bounds(z: F8, gradient: F8) -> None:
     """
     low = log_kernel(np.float64(MIN_FACTOR)) + AT_BOUND
     for i in range(len(z)):
-        by_a, by_b = (gradient[i, 2] + gradient[i, 3]) * HALF, (gradient[i, 2] - gradient[i, 3]) * HALF
-        a_is_held = (z[i, 2] + z[i, 3]) * HALF < low and by_a > 0
-        b_is_held = (z[i, 2] - z[i, 3]) * HALF < low and by_b > 0
+        by_a, by_b = (gradient[i, 2] + gradient[i, 3]) * PER_ROOT2, (gradient[i, 2] - gradient[i, 3]) * PER_ROOT2
+        a_is_held = (z[i, 2] + z[i, 3]) * PER_ROOT2 < low and by_a > 0
+        b_is_held = (z[i, 2] - z[i, 3]) * PER_ROOT2 < low and by_b > 0
         if a_is_held or b_is_held:
             by_a, by_b = 0.0 if a_is_held else by_a, 0.0 if b_is_held else by_b
-            gradient[i, 2], gradient[i, 3] = (by_a + by_b) * HALF, (by_a - by_b) * HALF
+            gradient[i, 2], gradient[i, 3] = (by_a + by_b) * PER_ROOT2, (by_a - by_b) * PER_ROOT2
         if abs(z[i, 4]) > MOST_SHEAR - AT_BOUND and z[i, 4] * gradient[i, 4] < 0:
             gradient[i, 4] = 0.0
 
@@ -269,12 +269,12 @@ def keep_shapes(z: F8, following: F8, step: F8) -> None:
     for i in range(len(z)):
         if step[i, 2] == 0 and step[i, 3] == 0 and step[i, 4] == 0:
             continue
-        a, b = (following[i, 2] + following[i, 3]) * HALF, (following[i, 2] - following[i, 3]) * HALF
+        a, b = (following[i, 2] + following[i, 3]) * PER_ROOT2, (following[i, 2] - following[i, 3]) * PER_ROOT2
         if a < low or b < low:
             a, b = max(a, low), max(b, low)
-            following[i, 2], following[i, 3] = (a + b) * HALF, (a - b) * HALF
+            following[i, 2], following[i, 3] = (a + b) * PER_ROOT2, (a - b) * PER_ROOT2
             step[i, 2], step[i, 3] = following[i, 2] - z[i, 2], following[i, 3] - z[i, 3]
-            following[i, 4] = z[i, 4] * exp_kernel(ROOT * step[i, 3]) + step[i, 4]
+            following[i, 4] = z[i, 4] * exp_kernel(ROOT2 * step[i, 3]) + step[i, 4]
         if abs(following[i, 4]) > MOST_SHEAR:
             following[i, 4] = min(max(following[i, 4], -MOST_SHEAR), MOST_SHEAR)
-            step[i, 4] = following[i, 4] - z[i, 4] * exp_kernel(ROOT * step[i, 3])
+            step[i, 4] = following[i, 4] - z[i, 4] * exp_kernel(ROOT2 * step[i, 3])

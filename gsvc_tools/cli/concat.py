@@ -23,7 +23,7 @@ def add_command(commands: Any) -> None:
         "concat",
         help="join .gsvc files to one, without encoding anything again",
         description="Join .gsvc files that have the same sequence header: the frames of the first one, then those of "
-        "the next. Nothing is decoded, so no quality is lost. The result stands under its name once it is complete.",
+        "the next. Nothing is decoded, so no quality is lost. The result gets its name when it is complete.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)

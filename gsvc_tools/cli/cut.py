@@ -22,7 +22,7 @@ def add_command(commands: Any) -> None:
         "cut",
         help="keep some frames of a .gsvc file, or its lower quality layers, without encoding anything again",
         description="Write a .gsvc file with some of the frames of another one, or with the base and the quality "
-        "layers up to K, or both. Nothing is decoded. The result stands under its name once it is complete.",
+        "layers up to K, or both. Nothing is decoded. The result gets its name when it is complete.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)

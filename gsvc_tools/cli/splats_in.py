@@ -108,7 +108,7 @@ def point(text: str) -> tuple[float, float]:
 
 
 def run(arguments: Namespace) -> int:
-    """Import; 0, 1 after a fault behind the first frame, or 130 when it was interrupted."""
+    """Import; 0, 1 after a fault after the first frame, or 130 when it was interrupted."""
     if arguments.json and arguments.output == STDIO:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     for name in arguments.inputs:

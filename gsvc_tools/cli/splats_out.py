@@ -47,7 +47,7 @@ def add_command(commands: Any) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Export; 0, 1 if the stream is damaged behind the first frame, or 130 when it was interrupted."""
+    """Export; 0, 1 if the stream is damaged after the first frame, or 130 when it was interrupted."""
     check_input(arguments.input)
     check_output(arguments.output, arguments.input, folder_allowed=True)
     suffix = Path(arguments.output).suffix.lower()
@@ -126,20 +126,12 @@ def _write_plys(output: Path, frames: Iterator[tuple["F4", "I8"]], arguments: Na
 
 
 class ExportedFrames:
-    """The visible splats of frames with their ids; a fault behind the first frame is kept instead of raised.
-
-    Attributes
-    ----------
-    removed
-        The number of splats left out so far because they cover nothing.
-    damage
-        The fault, once all frames before it have been taken; None while there is none.
-    """
+    """The visible splats of frames with their ids; a fault after the first frame is kept instead of raised."""
 
     def __init__(self, frames: Iterator["DecodedFrame"]) -> None:
         self._frames = frames
-        self.removed = 0
-        self.damage: GsvcError | None = None
+        self.removed = 0  # splats left out so far because they cover nothing
+        self.damage: GsvcError | None = None  # the fault, once all frames before it have been taken
 
     def __iter__(self) -> Iterator[tuple["F4", "I8"]]:
         import numpy as np

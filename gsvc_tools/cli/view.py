@@ -38,7 +38,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument("input", metavar="FILE", help="a .gsvc file, or - for standard input, which is live")
     parser.add_argument(
         "source", metavar="SOURCE", nargs="?",
-        help="the video that it was encoded from: whatever gsvc encode reads, but no pipe",
+        help="the video that it was encoded from: anything that gsvc encode reads, except a pipe",
     )  # fmt: skip
     parser.add_argument(
         "--live", action="store_true", help="follow a file that gsvc encode --live is writing, or is going to write"
@@ -74,15 +74,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _watch(name: str, stream: "StreamBytes") -> NoReturn:
-    """Wait for Ctrl-C, and look at what comes until it is known to be a stream.
-
-    Raises
-    ------
-    GsvcError
-        It is none.
-    OSError
-        What comes cannot be kept.
-    """
+    """Wait for Ctrl-C, and look at what comes until it is known to be a stream."""
     from gsvc_ref.bitstream.chunks import MAGIC
 
     known = not stream.live

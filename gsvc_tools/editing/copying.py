@@ -31,21 +31,11 @@ OnPart = Callable[[int, int, int | None], None]
 
 @dataclass(frozen=True)
 class Opening:
-    """What a stream has before its first frame.
-
-    Attributes
-    ----------
-    version_minor
-        Its minor version.
-    header
-        The sequence header.
-    later
-        What follows the last element in the sequence header of a later minor version.
-    """
+    """What a stream has before its first frame."""
 
     version_minor: int
     header: SequenceHeader
-    later: bytes
+    later: bytes  # what a later minor version adds after the last element of the sequence header
 
 
 @dataclass(frozen=True)
@@ -83,23 +73,13 @@ class ConcatReport:
 
 
 class OpenedPart:
-    """A source that is opened twice, for its opening and for its chunks; files that the caller has are kept open.
-
-    Attributes
-    ----------
-    name
-        Its path, or ``part 3``.
-    opening
-        What precedes its frames.
-    size
-        Its bytes; None for a pipe.
-    """
+    """A source that is opened twice, for its opening and for its chunks; files of the caller stay open."""
 
     def __init__(self, source: Part, number: int) -> None:
         self.name = str(source) if isinstance(source, str | Path) else f"part {number + 1}"
         with self._refused():
             self._stream, self.opening = _open(Source(source))
-        self.size = self._stream.source.size
+        self.size = self._stream.source.size  # None for a pipe
         self._path = source if isinstance(source, str | Path) else None
         if self._path is not None:
             self._stream.source.close()  # there may be more parts than files may be open
@@ -137,15 +117,7 @@ def _open(source: Source) -> tuple[ChunkDecoder, Opening]:
 
 
 class _Index:
-    """The index in the making, as bytes: there may be more I-frames than would fit into memory as objects.
-
-    Attributes
-    ----------
-    entry_count
-        The number of entries.
-    steps
-        What follows `entry_count`.
-    """
+    """The index in the making, as bytes: there may be more I-frames than would fit into memory as objects."""
 
     def __init__(self) -> None:
         self.entry_count = 0
@@ -165,13 +137,6 @@ class CopiedStream:
     """The stream in the making; with `same_frames`, what was decided about the frames stays true.
 
     Layers that its header does not have are left out.
-
-    Attributes
-    ----------
-    times
-        Makes time stamps anew.
-    frame_count
-        The number of frames so far.
     """
 
     def __init__(self, target: BinaryIO, opening: Opening, *, same_frames: bool = False) -> None:
@@ -262,7 +227,7 @@ class CopiedStream:
 
 
 def sound_chunks(stream: ChunkDecoder) -> Iterator[tuple[int, Reader]]:
-    """Frames, behind their `frame_number`, and ancillary chunks of a stream; all but splats is checked (R-6.10-6)."""
+    """Frames, after their `frame_number`, and ancillary chunks of a stream; all but splats is checked (R-6.10-6)."""
     place, chunk_type = stream.first, chunks.HEADER_TYPE
     while chunk_type != chunks.END_TYPE:
         s, chunk_type, p = stream.read(place)

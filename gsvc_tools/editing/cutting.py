@@ -1,4 +1,4 @@
-"""A part of a stream as a stream of its own, without decoding a splat: some of its frames, or its lower quality layers.
+"""A part of a stream as another stream, without decoding a splat: some of its frames, or its lower quality layers.
 
 That is R-6.10-8 of spec.md, and the end of its section 15.13.
 """
@@ -113,7 +113,7 @@ def _kept(
 
 
 def _next_i_frame(rest: Iterable[tuple[int, Reader]], number: int) -> int | None:
-    """The number of the first I-frame behind the frame `number`; None if there is none."""
+    """The number of the first I-frame after frame `number`; None if there is none."""
     for chunk_type, _ in rest:
         if chunk_type in chunks.FRAMES:
             number += 1

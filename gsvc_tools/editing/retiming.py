@@ -10,32 +10,19 @@ from gsvc_ref.stream.formats import video_format
 
 
 class Retiming:
-    """The chunks `t` of the parts of a result, one part after the other.
-
-    Attributes
-    ----------
-    lost
-        Chunks that could not be kept, since a part before has other ticks.
-    """
+    """The chunks `t` of the parts of a result, one part after the other."""
 
     def __init__(self, header: SequenceHeader) -> None:
         self._frame_rate = video_format(header).frame_rate
         self._ticks: int | None = None
-        self.lost = 0
+        self.lost = 0  # chunks that could not be kept, since a part before has other ticks
 
     def of_part(
         self, all_chunks: Iterable[tuple[int, Reader]], start: int, stop: int | None, first: int
     ) -> Iterator[tuple[int, Reader]]:
-        """The chunks of a part, those of time stamps made anew.
+        """All chunks of a part, those of time stamps made anew for its frames `start` to `stop` - 1 (None: to the end).
 
-        Parameters
-        ----------
-        all_chunks
-            All of its frames and ancillary chunks, in their order.
-        start, stop
-            The frames that stay, those from `start` to `stop` - 1; None: to the end.
-        first
-            The number of the frame `start` in the result.
+        Frame `start` of the part gets the number `first` in the result.
         """
         said = FrameTimes(self._frame_rate)
         number = 0

@@ -1,7 +1,7 @@
 """Files of splats that are no streams: NPZ, which keeps all that a stream has, and PLY as 3D Gaussian splatting has it.
 
 `npz` and `ply` read and write the files; nothing is unpickled, and what a file claims is checked before anything is
-allocated for it. `gaussians` makes 2D splats of 3D Gaussians and back, and says what gets lost on the way.
+allocated for it. `gaussians` makes 2D splats of 3D Gaussians and back, and says what gets lost.
 """
 
 from gsvc_tools.splat_files.gaussians import from_gaussians, to_gaussians

@@ -48,21 +48,10 @@ def from_gaussians(
     pixels_per_unit: float = 1.0,
     origin: tuple[float, float] = (0.0, 0.0),
 ) -> Flattened:
-    """The 2D splats of Gaussians.
+    """The 2D splats of Gaussians in columns as `read_ply` gives them: x, y, f_dc_*, opacity, scale_* and rot_*.
 
-    Parameters
-    ----------
-    columns
-        The columns that `read_ply` returns; x, y, f_dc_*, opacity, scale_* and rot_* are needed.
-    name
-        The subject of messages.
-    pixels_per_unit, origin
-        A point (x, y) of the file is (x - origin[0], y - origin[1]) * pixels_per_unit in pixels.
-
-    Raises
-    ------
-    GsvcError
-        A property that is needed is missing, or a number of it is not finite; the message names both.
+    A point (x, y) of the file is (x - origin[0], y - origin[1]) * pixels_per_unit in pixels. A GsvcError says, of what
+    is called `name`, which property is missing or not finite.
     """
     if missing := [column for column in NEEDED if column not in columns]:
         raise GsvcError(

@@ -58,26 +58,8 @@ class _Header(NamedTuple):
 class NpzSplats:
     """The splats of an NPZ file: iterate once over frames (N, 8) f4, or pairs of these and their ids (N,) i8.
 
-    Parameters
-    ----------
-    path
-        The file.
-
-    Attributes
-    ----------
-    counts
-        The number of splats of each frame, (T,) i8.
-    width, height
-        Size of the frames in pixels; None if the file does not say it.
-    frame_rate
-        Frames per second, or None.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    GsvcError
-        It is no such NPZ file; ``limit`` for more than 2^20 frames or 2^22 splats in one.
+    `width`, `height` (pixels) and `frame_rate` are None where the file does not say them. A file that is no such NPZ
+    is refused with a GsvcError, kind ``limit`` for more than 2^20 frames or 2^22 splats in one.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -163,7 +145,7 @@ class NpzSplats:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Let whatever is wrong with the bytes be a GsvcError."""
+        """Report faults of the bytes as a GsvcError."""
         try:
             yield
         except GsvcError:
@@ -204,7 +186,7 @@ class NpzSplats:
         return np.frombuffer(data, header.dtype).reshape(shape)
 
     def _small(self, name: str, most: int) -> NDArray[Any] | None:
-        """An array of at most so many numbers, or None if there is none."""
+        """An array of at most `most` numbers, or None if there is none."""
         if f"{name}.npy" not in self._zip.namelist():
             return None
         with self._reading(), self._member(name) as file:
@@ -233,21 +215,9 @@ class NpzSplats:
 def write_npz(
     path: str | Path, frames: Iterable[tuple[F4, I8]], width: int, height: int, frame_rate: Fraction
 ) -> list[int]:
-    """Write an NPZ file that `NpzSplats` reads; the number of splats of each frame.
+    """Write the parameters (N, 8) and ids (N,) of frames, taken one by one, as an NPZ file that `NpzSplats` reads.
 
-    Parameters
-    ----------
-    path
-        The file, which is complete when it stands under its name.
-    frames
-        The parameters (N, 8) and ids (N,) of each frame, taken one by one.
-    width, height, frame_rate
-        Size of the frames in pixels, and frames per second.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
+    The size is in pixels, the frame rate in frames per second; returns the number of splats of each frame.
     """
     with TemporaryFile() as parameters, TemporaryFile() as ids:
         counts = []

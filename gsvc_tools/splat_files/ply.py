@@ -49,19 +49,14 @@ class _Header(NamedTuple):
     dtype: np.dtype[Any]
     """The type of a vertex."""
     others: list[str]
-    """The names of the elements behind the vertices."""
+    """The names of the elements after the vertices."""
 
 
 def read_ply(path: str | Path) -> Vertices:
     """The properties of the vertices of a PLY file.
 
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    GsvcError
-        ``malformed``: it is no PLY file, ends early, or goes on behind all that its header states. ``unsupported``: it
-        is of another layout. ``limit``: it has more than 2^22 vertices or 1000 properties.
+    A GsvcError is ``malformed`` where it is no PLY file, ends early or goes on after all that its header states,
+    ``unsupported`` where it has another layout, ``limit`` for more than 2^22 vertices or 1000 properties.
     """
     path = Path(path)
     with path.open("rb") as file:
@@ -75,7 +70,7 @@ def read_ply(path: str | Path) -> Vertices:
         if left > size and not others:
             raise GsvcError(
                 "malformed",
-                f"{path} goes on behind its {count} vertices: they take {size} bytes, and {left} are left; correct the "
+                f"{path} goes on after its {count} vertices: they take {size} bytes, and {left} are left; correct the "
                 "count in its header, or write it again",
             )
         vertices = np.frombuffer(file.read(size), dtype, count)
@@ -147,13 +142,7 @@ def _lines(file: BinaryIO, name: str) -> list[str]:
 
 
 def write_ply(path: str | Path, columns: Columns) -> None:
-    """Write columns of equal length as vertices of binary32 numbers, complete when the file stands under its name.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write columns of equal length as vertices of binary32 numbers, which are complete when the file gets its name."""
     count = len(next(iter(columns.values())))
     vertices = np.empty(count, np.dtype([(name, "<f4") for name in columns]))
     for name, column in columns.items():

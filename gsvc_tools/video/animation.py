@@ -30,27 +30,11 @@ LONGEST_SIDES: Final = {".gif": 65535, ".webp": 16383}
 
 
 class AnimationWriter(VideoWriter):
-    """A writer of an animated GIF or WebP, which repeats for ever.
+    """A writer of an animated GIF or WebP of 8 bits, which repeats for ever.
 
     A GIF has at most 256 colours in each picture, chosen for it, and counts time in hundredths of a second, a WebP in
-    milliseconds; delays are rounded such that errors do not add up.
-
-    Parameters
-    ----------
-    target
-        A path that ends in .gif or .webp; written under a temporary name until `close`.
-    video
-        The format of the frames; 8 bits are written of it.
-    extras
-        Time stamps.
-
-    Raises
-    ------
-    UsageError
-        Pillow was built without WebP, a side is too long, or the pictures have more than MOST_HELD; on `close`, no
-        frame was written.
-    FileNotFoundError
-        The folder of the target does not exist.
+    milliseconds; delays are rounded such that errors do not add up. A UsageError says that Pillow was built without
+    WebP, a side is too long, the pictures have more than MOST_HELD bytes, or, on `close`, that there is no frame.
     """
 
     carries_times = True

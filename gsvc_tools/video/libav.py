@@ -49,13 +49,7 @@ CENTRED_CHROMA: Final = ("mjpeg", "mpeg1video")
 
 
 def import_av() -> Any:
-    """Import PyAV.
-
-    Raises
-    ------
-    UsageError
-        It is not installed; the message says how to install it, or do without.
-    """
+    """PyAV; a UsageError says how to install it, or do without."""
     try:
         import av
     except ImportError as error:
@@ -79,22 +73,9 @@ def _mean_rate(times: np.ndarray[Any, Any], unit: Fraction) -> Fraction | None:
 class LibavReader(VideoReader):
     """A reader of the first video stream of a file through PyAV, turned as its display matrix says.
 
-    What gets lost is in the notes before the first frame is read.
-
-    Parameters
-    ----------
-    source
-        A path, or a binary file that can seek.
-    name
-        Name of the source in messages.
-
-    Raises
-    ------
-    GsvcError
-        ``malformed`` (FFmpeg cannot read it, it holds no video, a damaged frame), ``unsupported`` (matrix,
-        transparency) or ``invalid`` (frames that change size or depth).
-    UsageError
-        PyAV is not installed.
+    The source is a path, or a binary file that can seek. What gets lost is in the notes before the first frame is read.
+    A GsvcError is ``malformed`` (FFmpeg cannot read it, it holds no video, a damaged frame), ``unsupported`` (matrix,
+    transparency) or ``invalid`` (frames that change size or depth).
     """
 
     def __init__(self, source: Path | BinaryIO, name: str) -> None:

@@ -34,22 +34,7 @@ def first_picture(av_module: Any, source: Path) -> Fraction:
 
 
 class Sound:
-    """The audio tracks of a file.
-
-    Parameters
-    ----------
-    av_module
-        PyAV.
-    source
-        A video whose sound it is, or a file of sound alone.
-    begin
-        Second of the source, from its first picture on, at which the sound begins.
-
-    Raises
-    ------
-    UsageError
-        FFmpeg cannot read the file, or it has no sound.
-    """
+    """The audio tracks of a file, from a second `begin` of its pictures on; a UsageError says that there are none."""
 
     def __init__(self, av_module: Any, source: Path, begin: Fraction = Fraction(0)) -> None:
         self._av, self._source, self._begin = av_module, source, begin
@@ -74,13 +59,7 @@ class Sound:
         return [codec_name(track) for track in self._tracks]
 
     def add_to(self, container: Any, name: str) -> None:
-        """Add the tracks to a container that is being written under a name.
-
-        Raises
-        ------
-        UsageError
-            It cannot hold one of them.
-        """
+        """Add the tracks to a container that is being written under a name; a UsageError says which it cannot hold."""
         for track, codec in zip(self._tracks, self.codecs, strict=True):
             if codec not in container.supported_codecs:
                 raise self.refusal(name)

@@ -1,6 +1,6 @@
 """What a file holds beside the samples of its pictures, found before its frames are read.
 
-Other tracks and metadata get lost, which is told; time stamps and a display matrix are for the reader to use.
+Other tracks and metadata get lost, and notes say so; time stamps and a display matrix are for the reader to use.
 """
 
 from __future__ import annotations
@@ -53,8 +53,6 @@ def open_container(av_module: Any, source: Path | BinaryIO) -> Any:
 def packet_times(av_module: Any, source: Path | BinaryIO) -> tuple[np.ndarray[Any, Any], Fraction] | None:
     """When the frames of the first video stream are shown, by the stamps of its packets; nothing is decoded.
 
-    Returns
-    -------
     Ascending times from the first on, (T,) i8, and the unit in seconds; None where not every packet has a stamp, or the
     file cannot be read, which is for others to say. A file object is left where it was.
     """
@@ -154,19 +152,11 @@ def _side_data(picture: Any) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Orientation:
-    """How the samples of a picture are turned to be shown: rows and columns change places first, then sides do.
+    """How the samples of a picture are turned to be shown: rows and columns change places first, then sides do."""
 
-    Attributes
-    ----------
-    swapped
-        Whether rows become columns.
-    mirrored, flipped
-        Whether left and right, and top and bottom, then change sides.
-    """
-
-    swapped: bool = False
-    mirrored: bool = False
-    flipped: bool = False
+    swapped: bool = False  # rows become columns
+    mirrored: bool = False  # then left and right change sides
+    flipped: bool = False  # and top and bottom
 
     def apply(self, frame: Frame) -> Frame:
         """The frame as it is shown, (H, W, 3) or, swapped, (W, H, 3)."""

@@ -44,22 +44,8 @@ def viewing_format(video: VideoFormat, bit_depth: int = 8) -> VideoFormat:
 class LibavWriter(VideoWriter):
     """A writer of H.264 (VP9 for .webm) for viewing, in 8 bits, or in 10 where frames have more and the encoder can.
 
-    Parameters
-    ----------
-    target
-        A path whose suffix is one of CONTAINERS; written under a temporary name until `close`.
-    video
-        The format of the frames; see `viewing_format` for what becomes of it.
-    extras
-        Time stamps, and a file whose sound is copied.
-
-    Raises
-    ------
-    UsageError
-        PyAV is not installed, or has no encoder for this size; the sound cannot be copied; on `close`, no frame was
-        written.
-    FileNotFoundError
-        The folder of the target does not exist.
+    `viewing_format` says what becomes of the format. A UsageError says that PyAV is missing or has no encoder for this
+    size, that the sound cannot be copied, or, on `close`, that there is no frame.
     """
 
     carries_times = True

@@ -32,30 +32,14 @@ NV_FORMATS: Final[dict[str, tuple[ChromaFormat, bool]]] = {
 
 @dataclass(frozen=True)
 class PixelLayout:
-    """The places of the samples of a pixel format in memory.
+    """The places of the samples of a pixel format in memory."""
 
-    Attributes
-    ----------
-    places
-        One for grey, three for (Y', Cb, Cr) or (R', G', B').
-    alpha
-        Place of the alpha samples, or None.
-    chroma_format
-        ``rgb``, ``420``, ``422`` or ``444``; ``420`` for grey.
-    bit_depth
-        8 to 16.
-    dtype
-        Type of the samples in memory: ``u1``, ``<u2`` or ``>u2``.
-    shift
-        Unused bits below each sample.
-    """
-
-    places: tuple[SamplePlace, ...]
+    places: tuple[SamplePlace, ...]  # one for grey, three for (Y', Cb, Cr) or (R', G', B')
     alpha: SamplePlace | None
-    chroma_format: ChromaFormat
-    bit_depth: int
-    dtype: str
-    shift: int = 0
+    chroma_format: ChromaFormat  # 420 for grey
+    bit_depth: int  # 8 to 16
+    dtype: str  # of the samples in memory: u1, <u2 or >u2
+    shift: int = 0  # unused bits below each sample
 
 
 def _dtype(depth: int, endianness: str | None) -> str:
@@ -128,22 +112,9 @@ def stand_in(*, rgb: bool, alpha: bool, deep: bool) -> str:
 def take(
     place: SamplePlace, buffers: Sequence[NDArray[Any]], shape: tuple[int, int], pixels: PixelLayout
 ) -> NDArray[np.unsignedinteger[Any]]:
-    """Copy the samples of one component out of the planes in memory.
+    """Copy the samples of one component, `shape` (rows, columns), out of planes (rows, bytes of a line) u1 each.
 
-    Parameters
-    ----------
-    place
-        Which samples.
-    buffers
-        The planes, (rows, bytes of a line) u1 each.
-    shape
-        (rows, columns) of the component.
-    pixels
-        The layout that `place` belongs to.
-
-    Returns
-    -------
-    (rows, columns) u1 for 8 bits, else u2, contiguous.
+    The result is u1 for 8 bits, else u2, contiguous.
     """
     plane, step, first = place
     rows, columns = shape

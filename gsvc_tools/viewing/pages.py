@@ -18,13 +18,7 @@ MEDIA_TYPES: Final = {
 
 
 def viewer_files() -> dict[str, Path]:
-    """The page and all that it loads: the path in an address, such as ``viewer/style.css``, and the file.
-
-    Raises
-    ------
-    UsageError
-        The viewer is not installed.
-    """
+    """The page and all that it loads: the path in an address, such as ``viewer/style.css``, and the file."""
     for root in ROOTS:
         page = root / PAGE
         if not page.is_file():

@@ -1,6 +1,6 @@
-"""The server of the viewer: the loopback interface, a fixed set of paths behind a random token, and nothing is written.
+"""The server of the viewer: the loopback interface, a fixed set of paths after a random token, and nothing is written.
 
-| path behind the token | what it is |
+| path after the token | what it is |
 |---|---|
 | ``viewer/index.html``, … | the page, its scripts and its style |
 | ``view.json`` | what there is to look at |
@@ -49,17 +49,7 @@ HEADERS: Final = {
 
 
 class Viewing:
-    """What is looked at.
-
-    Parameters
-    ----------
-    name
-        The name of the stream on the page.
-    stream
-        Its bytes.
-    source
-        The frames that it was made of, if they are given.
-    """
+    """What is looked at: a stream by its name on the page, and the frames that it was made of, if they are given."""
 
     def __init__(self, name: str, stream: StreamBytes, source: SourceFrames | None = None) -> None:
         self.name, self.stream, self.source = name, stream, source
@@ -82,20 +72,7 @@ def _text(name: str) -> str:
 
 
 class Server(ThreadingHTTPServer):
-    """A server of one thing to look at.
-
-    Attributes
-    ----------
-    token
-        The first part of each path.
-    url
-        The address of the page.
-
-    Raises
-    ------
-    UsageError
-        The port is taken or not allowed, or the page is not installed.
-    """
+    """A server of one thing to look at, whose page is at `url`; a UsageError says that its port cannot be had."""
 
     daemon_threads = True
     allow_reuse_address = os.name == "posix"  # elsewhere two servers could share a port
@@ -116,7 +93,7 @@ class Server(ThreadingHTTPServer):
 
 @contextmanager
 def serving(viewing: Viewing, port: int = 0) -> Iterator[Server]:
-    """A server that answers, in threads of its own, until the block ends."""
+    """A server that answers, in other threads, until the block ends."""
     with Server(viewing, port) as server:
         threading.Thread(target=server.serve_forever, args=(POLL_S,), name="server", daemon=True).start()
         try:
@@ -248,7 +225,7 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def parse_range(header: str | None, size: int) -> range | None:
-    """The bytes that a header ``Range`` asks for, of so many; None: all of them, as for whatever is no single range."""
+    """The bytes of `size` that a header ``Range`` asks for; None: all of them, as for a header of several ranges."""
     match = re.fullmatch(r"bytes=(\d{0,18})-(\d{0,18})", header or "", re.ASCII)
     if match is None or match[0] == "bytes=-":
         return None

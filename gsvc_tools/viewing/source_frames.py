@@ -15,21 +15,9 @@ MOST_VIEWED_BYTES: Final = 1 << 30
 
 
 class SourceFrames:
-    """Frames by their number; any thread may ask.
+    """Frames of a source by their number, from its frame `first` on; any thread may ask.
 
-    Parameters
-    ----------
-    name
-        What `gsvc_ref.video.open_video` opens, more than once.
-    first
-        The number in the source of the frame that is given as frame 0.
-    most_kept
-        Bytes of frames that are kept on disk; what lies behind them is read again by who goes back.
-
-    Attributes
-    ----------
-    format
-        The format of the source.
+    `most_kept` bytes of frames are kept on disk; those after them are read again when someone goes back.
     """
 
     def __init__(self, name: str, first: int = 0, most_kept: int = MOST_VIEWED_BYTES) -> None:
@@ -47,12 +35,7 @@ class SourceFrames:
     def samples(self, number: int) -> bytes | None:
         """The samples of a frame, row by row R, G, B: a byte each for 8 bits, else two, the lower one first.
 
-        None: the source has no such frame.
-
-        Raises
-        ------
-        GsvcError
-            The source cannot be read so far.
+        None: the source has no such frame. A GsvcError says that the source cannot be read so far.
         """
         number += self._first
         with self._lock:

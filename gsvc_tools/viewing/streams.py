@@ -18,24 +18,16 @@ QUIET_S: Final = 3.0
 
 
 class StreamBytes(Protocol):
-    """Bytes that can be read at any place, some of which may be yet to come.
+    """Bytes that can be read at any place, some of which may be yet to come."""
 
-    Attributes
-    ----------
-    live
-        Whether more may come.
-    fault
-        Why what comes cannot be kept; None: it can.
-    """
-
-    live: bool
-    fault: OSError | None
+    live: bool  # whether more may come
+    fault: OSError | None  # why what comes cannot be kept
 
     def size(self) -> int:
         """How many bytes there are by now."""
 
     def read(self, first: int, count: int) -> bytes:
-        """At most so many bytes from an offset on; none: they have not come, or never will."""
+        """At most `count` bytes from an offset on; none: they have not come, or never will."""
 
     def ended(self) -> bool:
         """Whether no more will come."""

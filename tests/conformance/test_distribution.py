@@ -30,23 +30,20 @@ def imported_at_the_top(path):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            yield from (node.module, *(f"{node.module}.{alias.name}" for alias in node.names))
+            yield node.module
 
 
 def test_what_judges_imports_numpy_alone():
-    making = {*(KIT / "cases").glob("[!_]*.py"), KIT / "streams.py"}
-    judging = {path for path in KIT.rglob("*.py") if "adapters" not in path.parts} - making
-    own = {"numpy", "gsvc_base", "gsvc_conformance", *sys.stdlib_module_names}
+    """Which packages of ours it imports is the concern of tests/test_arrows.py."""
+    kit = [path for path in KIT.rglob("*.py") if "adapters" not in path.parts]
+    ours = {"gsvc_base", "gsvc_ref", "gsvc_conformance"}
     others = {
         (path.name, name)
-        for path in (*judging, *(ROOT / "gsvc_base").rglob("*.py"))
+        for path in (*kit, *(ROOT / "gsvc_base").rglob("*.py"))
         for name in imported_at_the_top(path)
-        if name.partition(".")[0] not in {*own, HOSTED.get(path.name)}
+        if name.partition(".")[0] not in {"numpy", *ours, *sys.stdlib_module_names, HOSTED.get(path.name)}
     }
     assert others == set(), "import it in the function that needs it"
-    names = {".".join(path.relative_to(KIT.parent).with_suffix("").parts) for path in making}
-    assert {"gsvc_conformance.streams", "gsvc_conformance.cases.rendering"} < names
-    assert {name for path in judging for name in imported_at_the_top(path)} & names == set()
 
 
 # What follows builds, and installs into fresh environments.
@@ -200,7 +197,7 @@ def test_the_kit_elsewhere(elsewhere, built):
     assert elsewhere.kit("mutants", "--operation", "to_frame")[0] == 0
     assert str(program / "protocol.md") in "".join(elsewhere.kit("run", "--help")[1].split())
 
-    needs_gsvc_ref = "needs gsvc_ref: pip install 'gsvc-conformance[reference]'"
+    needs_gsvc_ref = "needs gsvc_ref: in a checkout of the repository, pip install . './conformance[reference]'"
     for words, extra in (
         (["run", "--reference"], needs_gsvc_ref),
         (["streams", "nowhere"], needs_gsvc_ref),
@@ -217,3 +214,38 @@ def test_the_kit_elsewhere(elsewhere, built):
     status, said = elsewhere.kit("verify")
     assert status == 0, said
     assert said.endswith("nothing is wrong\n")
+
+
+ONE_CLASS = """
+import {first}, {second}
+import gsvc_base.errors, gsvc_conformance.results, gsvc_ref
+assert gsvc_ref.UsageError is gsvc_base.errors.UsageError
+print(gsvc_base.__file__)
+"""
+
+
+@pytest.mark.exhaustive
+def test_beside_gsvc_ref_no_file_and_no_class_stands_twice(built, tmp_path):
+    build = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "--no-build-isolation", "-w", tmp_path, ROOT]
+    subprocess.run(build, check=True, capture_output=True)
+    (reference,) = tmp_path.glob("gsvc_ref-*.whl")
+    names = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (built["wheel"], reference)]
+    assert names[0].isdisjoint(names[1])
+    bundled = {name.removeprefix("gsvc_conformance/bundled/") for name in names[0] if "/bundled/" in name}
+    assert bundled == {name for name in names[1] if name.startswith("gsvc_base/")}
+
+    both = Elsewhere(tmp_path)
+    install = ("-m", "pip", "install", "-q", "--disable-pip-version-check")
+    both.python(*install, built["wheel"])
+    both.python(*install, "--no-deps", reference)
+    for first, second in (("gsvc_conformance", "gsvc_ref"), ("gsvc_ref", "gsvc_conformance")):
+        code = ONE_CLASS.format(first=first, second=second)
+        assert Path("gsvc_conformance", "bundled", "gsvc_base") == Path(
+            *Path(both.python("-P", "-c", code).strip()).parts[-4:-1]
+        )
+    remove = ("-m", "pip", "uninstall", "-q", "-y", "--disable-pip-version-check")
+    both.python(*remove, "gsvc_ref")
+    assert both.kit("run", "--spec", "--operation", "from_half")[0] == 0
+    both.python(*install, "--no-deps", reference)
+    both.python(*remove, "gsvc-conformance")
+    assert "gsvc_base" in both.python("-P", "-c", "import gsvc_ref; print(gsvc_ref.UsageError.__module__)")

@@ -27,6 +27,12 @@ def types(report):
     return "".join(frame.type for frame in report.frames)
 
 
+def told_of_frames(data):
+    """What the log in a stream says of each frame's type."""
+    log = read_log(Stream(data).info().ancillary, len(codes(data)))
+    return [next(one.reason for one in frame if one.effect == "frames") for frame in log]
+
+
 @pytest.mark.parametrize("preset", [Settings.quick, Settings.slow])
 def test_presets_make_the_round_trip(preset):
     report, data = encoded(CLIP[:2], preset(threads=1, splats=20))
@@ -96,9 +102,10 @@ def test_a_psnr_out_of_reach_is_told_and_ends():
 
 def test_a_p_frame_that_cannot_hold_the_psnr_becomes_an_i_frame():
     cut = [CLIP[0], waves(48, 32, 1, cut=0)[0]]
-    report, _ = encoded(cut, fast(psnr=30.0))
+    report, data = encoded(cut, fast(psnr=30.0))
     assert types(report) == "II"
     assert report.frames[1].reason == "a P-frame does not reach the quality"
+    assert told_of_frames(data)[1] == "an I-frame: a P-frame does not reach the quality"
     assert min(frame.psnr for frame in report.frames) >= 30
 
 
@@ -156,15 +163,18 @@ def test_a_frame_without_splats_is_followed_by_an_i_frame():
     assert types(report)[:2] == "II"
     assert report.frames[0].splats == 0
     assert report.frames[1].reason == "the frame before has no splats"
+    assert told_of_frames(data)[1] == "an I-frame: the frame before has no splats"
     assert same([next(iter(decode(data)))], flat(0, 48, 32))
 
 
 def test_a_p_frame_with_more_splats_than_the_level_may_have_becomes_an_i_frame():
     clip = noise(8)
-    report, _ = encoded(clip, fast(splats=6, quality=60, effects="auto,frames=all"))
+    report, data = encoded(clip, fast(splats=6, quality=60, effects="auto,frames=all"))
     assert max(frame.splats for frame in report.frames) <= 12
-    reasons = [frame.reason for frame in report.frames[1:] if frame.type == "I"]
-    assert set(reasons) <= {"no room for more splats in the level of the stream"}
+    became = [number for number in range(1, len(clip)) if report.frames[number].type == "I"]
+    why = "no room for more splats in the level of the stream"
+    assert {report.frames[number].reason for number in became} <= {why}
+    assert {told_of_frames(data)[number] for number in became} <= {f"an I-frame: {why}"}
 
 
 def test_every_frame_has_a_decision_about_every_effect_and_the_stream_tells_them():

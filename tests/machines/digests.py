@@ -111,7 +111,7 @@ def encoding_of_main() -> str:
     """An encode of profile `main` with few evaluations."""
     from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 
-    intra = IntraSettings(grow=4, weigh=3, settle=1)
+    intra = IntraSettings(initialization=4, refinement=3, rounding=1)
     inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=3, rounded_iterations=2)
     return encoding((12, 9), splats=6, profile="main", main_intra=intra, main_inter=inter)
 

@@ -23,19 +23,6 @@ def test_there_and_back() -> None:
     assert coordinates.to_parameters(coordinates.to_coordinates(p)) == pytest.approx(p, rel=1e-6, abs=1e-7)
 
 
-def test_twins_give_the_same_bits() -> None:
-    p = some_splats()
-    g = np.random.default_rng(2).normal(0, 1, p.shape).astype(np.float32)
-    z = coordinates.to_coordinates(p)
-    step = np.random.default_rng(3).normal(0, 0.1, z.shape)
-    assert np.array_equal(z, coordinates.to_coordinates_plain(p))
-    assert np.array_equal(coordinates.to_parameters(z), coordinates.to_parameters_plain(z))
-    by_z = coordinates.gradient_by_coordinates(p, g)
-    assert np.array_equal(by_z, coordinates.gradient_by_coordinates_plain(p, g))
-    assert np.array_equal(coordinates.moved(z, step), coordinates.moved_plain(z, step))
-    assert np.array_equal(coordinates.units(z, 7.0), coordinates.units_plain(z, 7.0))
-
-
 def test_gradient_is_the_derivative() -> None:
     p = some_splats(12)
     z = coordinates.to_coordinates(p)

@@ -5,7 +5,6 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +12,7 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.syntax import syntax
+from gsvc_conformance import reference
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.profiles import PROFILES
@@ -173,11 +173,7 @@ def chosen_decoders(only: str | None) -> tuple[str, ...]:
     """The decoders to ask: the one that is named, else spec.md's, and gsvc_ref where it is installed."""
     if only:
         return (only,)
-    try:
-        import_module(f"{REFERENCE}.stream")
-    except ModuleNotFoundError:
-        return (SPEC,)
-    return DECODERS
+    return DECODERS if reference.is_installed() else (SPEC,)
 
 
 def _progress(display: ProgressDisplay, title: str, data: bytes) -> OnFrame:

@@ -3,9 +3,9 @@
 from argparse import ArgumentParser, Namespace
 from collections import Counter
 from importlib import import_module
-from importlib.util import find_spec
 
 from gsvc_base.cli.text import plural, show, table
+from gsvc_conformance import reference
 from gsvc_conformance.commands import add_vectors
 from gsvc_conformance.operation import operations
 from gsvc_conformance.vector import SUMS, files_in
@@ -29,13 +29,12 @@ def run(arguments: Namespace) -> int:
     show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB", f"SHA-256 of {SUMS}: {folder.sha256}")
     if (last := VectorFolder(arguments.vectors, "newest")).set:
         show(f"SHA-256 of set {last.set.number}, which verdicts quote: {last.sha256}")
-    whole = find_spec("gsvc_ref") is not None
+    whole = reference.is_installed()
     problems = verify(arguments.vectors, whole=whole)
     for problem in problems:
         show(problem)
     if not whole:
-        show("syntax elements and COVERAGE.md were not checked: that needs gsvc_ref; "
-             "pip install 'gsvc-conformance[reference]'")  # fmt: skip
+        show("syntax elements and COVERAGE.md were not checked: that needs gsvc_ref, the extra `reference`")
     show(f"{plural(len(problems), 'problem')}" if problems else "nothing is wrong")
     return 1 if problems else 0
 

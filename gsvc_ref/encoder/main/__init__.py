@@ -1,7 +1,7 @@
-"""The encoder of profile `main`.
+"""The encoder of profile `main`, to be read in this order.
 
-`intra` makes I-frames and layers: `training.descent` finds splats for a `target` in the coordinates of
-`training.coordinates`, `training.edges` proposes new ones, `rounding` makes codes of them, and `density_choice` chooses
-how the codes are written. `inter` makes P-frames: `motion_field` moves the splats, `differences` changes them, and
-`candidates` and `new_splats` add others. `settings` says how long each searches.
+`coordinates`, `descent` and `fitter` find float splats for a `target`. `intra` makes I-frames and layers of them:
+refinement with the term of the bits, sequential rounding by `codes`, and `densities` of the codes. `inter` makes
+P-frames: `field` moves the splats, `differences` changes them, and `new_splats` adds others. `frame` decides on splats
+and steps of each frame, `layers` does so for each layer, and `settings` says how long each searches.
 """

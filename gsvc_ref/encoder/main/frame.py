@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -27,12 +28,11 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.held_level import HeldLevel
-from gsvc_ref.encoder.held_quality import ENOUGH, fewest_splats, is_missed, most_spared
+from gsvc_ref.encoder.held_quality import DB_PER_STEP, ENOUGH, coarsest, fewest_splats, is_missed, most_spared
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
-from gsvc_ref.encoder.main.density_choice import choose_densities
+from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
-from gsvc_ref.encoder.main.intra import encode_intra
-from gsvc_ref.encoder.main.splat_number import splats_for
+from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
@@ -46,13 +46,10 @@ from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 
-DB_PER_STEP: Final = 0.4
-"""Constant quality: first guess of the PSNR that a P-frame loses by a D an eighth of an octave coarser."""
-
 P_TRIES: Final = 8
 """Constant quality: the most values of D that are tried for a P-frame."""
 
-BEHIND: Final = 1.0
+FALLEN_DB: Final = 1.0
 """A P-frame with so many dB less than its I-frame is worked on again where the source stays the same..."""
 
 PASS_GAIN: Final = 0.3
@@ -67,18 +64,9 @@ D_TRIES: Final = 3
 
 @dataclass(frozen=True)
 class _Coded:
-    """A frame in codes.
+    """A frame in codes, what a decoder makes of it, its PSNR of at most MOST_PSNR, and the bits of its body.
 
-    Attributes
-    ----------
-    codes, state
-        The codes, and the decoder's state behind them.
-    psnr
-        Of the decoded frame, in dB, at most MOST_PSNR.
-    inter
-        The encoder of P-frames after this one.
-    bits
-        Those of the frame's body.
+    `inter` is the encoder of P-frames after this one.
     """
 
     codes: MainCodes
@@ -91,19 +79,8 @@ class _Coded:
 class MainFrameEncoder:
     """Encodes frames in order.
 
-    Parameters
-    ----------
-    settings
-        All settings.
-    width, height, bit_depth
-        The size of the frames in pixels, and the bits of a sample.
-    holds_level
-        Whether D may become finer where P-frames sink, at constant rate.
-
     Attributes
     ----------
-    settings
-        The settings given.
     state
         The decoder's state after the frames so far.
     total, most, room
@@ -118,10 +95,10 @@ class MainFrameEncoder:
     is_catching_up
         Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
         is worth it if the source stays the same.
-    level, last
+    intra_psnr, last_psnr
         PSNR of the last I-frame and of the last frame, in dB.
     holds_level
-        Whether it does so.
+        Whether D may become finer where P-frames sink, at constant rate.
     below
         Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
     above
@@ -140,7 +117,7 @@ class MainFrameEncoder:
         self.inter = _inter_encoder(settings)
         self.quantizer, self.intra_bits = 0, 0
         self.before: F4 | None = None
-        self.is_catching_up, self.level, self.last = False, 0.0, 0.0
+        self.is_catching_up, self.intra_psnr, self.last_psnr = False, 0.0, 0.0
         self.below, self.above = Splats.empty(), Splats.empty()
         self.holds_level = holds_level and settings.psnr is None and settings.quality is None
         self._held_level = HeldLevel(settings.main_inter.fall, 0)
@@ -189,14 +166,14 @@ class MainFrameEncoder:
     def _remember(self, result: EncodedFrame, is_equal: bool) -> None:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
-            self.level = result.psnr
+            self.intra_psnr = result.psnr
             self._held_level = HeldLevel(self.settings.main_inter.fall, self.quantizer)
         elif result.codes.type == "P" and self.holds_level:
             self._held_level = self._held_level.after(result.psnr)
             self.quantizer = self._held_level.following(self.quantizer)
-        gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last + PASS_GAIN)
-        self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.level - BEHIND
-        self.last = result.psnr
+        gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last_psnr + PASS_GAIN)
+        self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.intra_psnr - FALLEN_DB
+        self.last_psnr = result.psnr
 
 
 class _FrameWork:
@@ -218,12 +195,12 @@ class _FrameWork:
         if why is not None:
             self.log.add("frames", why, done=False)
         with self._timed("check"):
-            quality = self._quality(before)
+            achieved = self._psnr_of(before)
         codes = MainCodes.repeated_frame()
-        return EncodedFrame(codes, before, quality, self.iterations, self.seconds, self.log.decisions)
+        return EncodedFrame(codes, before, achieved, self.iterations, self.seconds, self.log.decisions)
 
     def intra(self, reason: str | None = None) -> EncodedFrame:
-        """An I-frame."""
+        """An I-frame; `reason` is why a P-frame became one, None where it was to be one."""
         encoder, settings = self.encoder, self.settings
         with self._timed("intra"):
             if settings.psnr is not None:
@@ -237,6 +214,8 @@ class _FrameWork:
             encoder.total = max(1, len(coded.state.values))
             encoder.intra_bits = coded.bits
         self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
+        if reason is not None:
+            self.log.add("frames", f"an I-frame: {reason}", done=True)
         return self._finished(coded, reason)
 
     def predicted(self) -> EncodedFrame:
@@ -248,11 +227,11 @@ class _FrameWork:
             coded = (
                 self._inter(encoder.quantizer)
                 if settings.psnr is None
-                else self._coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, {})
+                else coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
             )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
-        if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.level):
+        if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.intra_psnr):
             return self.intra("a P-frame does not reach the quality")
         if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
             return self.repeated("no splat changes, so the frame before is repeated")
@@ -286,7 +265,8 @@ class _FrameWork:
         steps = max(1, round((whole.psnr - goal) / DB_PER_STEP))
         first = min(whole.codes.quantizer + steps, QUANTIZERS - 1)
         tries = {whole.codes.quantizer: whole}
-        return self._thinned(self._coarsest(lambda q: self._searched(number, q), first, goal, D_TRIES, tries), goal)
+        by_step = partial(self._searched, number)
+        return self._thinned(coarsest(by_step, first, goal, D_TRIES, encoder.intra_bits, tries), goal)
 
     def _thinned(self, coded: _Coded, goal: float) -> _Coded:
         """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
@@ -312,39 +292,16 @@ class _FrameWork:
         """A P-frame with a quantiser."""
         encoder, settings = self.encoder, self.settings
         assert encoder.before is not None
-        count = settings.main_inter.iterations + settings.main_inter.rounded_iterations
         above = encoder.above.to_array()
         if len(above) and settings.effects.motion != "off":
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
         splats = len(encoder.state.values) + len(beside)
-        objective, sampled = watched_objectives(self.picture, beside, splats, settings, self._watch(count))
+        watch = self._watch(settings.main_inter.evaluations)
+        objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         inter = copy(encoder.inter)
         frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
         return self._decoded(inter.encode(frame), inter)
-
-    def _coarsest(
-        self, make: Callable[[int], _Coded], quantizer: int, goal: float, tries: int, tried: dict[int, _Coded]
-    ) -> _Coded:
-        """The frame with the coarsest quantiser, of those that are tried, that reaches a PSNR; otherwise the best."""
-        leap = 1
-        for _ in range(tries):
-            if quantizer in tried or not 0 <= quantizer < QUANTIZERS:
-                break
-            coded = tried[quantizer] = make(quantizer)
-            if 0 <= coded.psnr - goal <= ENOUGH:
-                break
-            fine = max((q for q, found in tried.items() if found.psnr >= goal), default=-1)
-            coarse = min((q for q, found in tried.items() if found.psnr < goal and q > fine), default=QUANTIZERS)
-            steps = round((coded.psnr - goal) / _slope(tried))
-            if fine < 0:  # a finer D gains little until new splats are worth their bits
-                if coded.bits > self.encoder.intra_bits:
-                    break
-                leap *= 2
-                steps = min(steps, -leap)
-            quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
-        reaching = [q for q, found in tried.items() if found.psnr >= goal]
-        return tried[max(reaching)] if reaching else max(tried.values(), key=lambda found: found.psnr)
 
     def _decoded(self, codes: MainCodes, inter: InterEncoder) -> _Coded:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
@@ -352,9 +309,9 @@ class _FrameWork:
         before = self.encoder.state
         body = Writer()
         state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
-        return _Coded(codes, state, min(self._quality(state), MOST_PSNR), inter, body.position)
+        return _Coded(codes, state, min(self._psnr_of(state), MOST_PSNR), inter, body.position)
 
-    def _quality(self, state: MainState) -> float:
+    def _psnr_of(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""
         splats = self.encoder.below.append(state.splats)
         return psnr(self.frame, self.encoder.renderer.frame(splats, self.encoder.bit_depth), self.peak)
@@ -363,9 +320,9 @@ class _FrameWork:
         encoder = self.encoder
         encoder.inter = coded.inter
         encoder.quantizer = coded.codes.quantizer
-        quality = math.inf if coded.psnr == MOST_PSNR else coded.psnr
+        achieved = math.inf if coded.psnr == MOST_PSNR else coded.psnr
         return EncodedFrame(
-            coded.codes, coded.state, quality, self.iterations, self.seconds, self.log.decisions, reason
+            coded.codes, coded.state, achieved, self.iterations, self.seconds, self.log.decisions, reason
         )
 
     def _log_inter(self, codes: MainCodes) -> None:
@@ -418,11 +375,3 @@ def _inter_encoder(settings: Settings) -> InterEncoder:
     if effects.gsa == "off":
         inter = replace(inter, new_share=0.0)
     return InterEncoder(inter)
-
-
-def _slope(tried: dict[int, _Coded]) -> float:
-    """The PSNR that a step of D costs, in dB, by the outermost tries."""
-    low, high = min(tried), max(tried)
-    if low == high:
-        return DB_PER_STEP
-    return max((tried[low].psnr - tried[high].psnr) / (high - low), DB_PER_STEP / 4)

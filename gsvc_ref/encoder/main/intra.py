@@ -1,47 +1,42 @@
 """I-frames of profile `main`: from a picture to the codes of its splats.
 
-Three stages share one metric (`coordinates`) and one optimiser (`descent`). `grow` adds splats where the picture is
-worst, on a smaller picture as long as they are few. `weigh` goes on with a term for their bits, and removes the
-weakest. `settle` rounds them to codes part by part: after each part the others, which are still free, make good for its
-rounding errors. Last, the densities of the codes are chosen by their length.
+Four stages share one metric (`coordinates`) and one optimizer (`descent`). Initialization (`fitter.fit`) adds splats
+where the picture is worst. Rate-constrained refinement (`refine`) goes on with a term for their bits, and removes the
+weakest. Sequential rounding (`round_sequentially`) makes codes part by part: after each part the others, which are
+still free, compensate for its rounding errors. Last, the densities of the codes are chosen by their length.
+
+`quantizer` is 0..79, `step` is D in 1/16, and `D` is in units of 8 bits.
 """
 
 import math
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, F8, I8
+from gsvc_base.portable import power
 from gsvc_ref._jit import kernel
-from gsvc_ref.encoder.main.density_choice import choose_densities
-from gsvc_ref.encoder.main.rounding import MOST_SHEAR, Rounded, codes_of, rounded
+from gsvc_ref.encoder.main.codes import nearest_codes
+from gsvc_ref.encoder.main.densities import choose_densities
+from gsvc_ref.encoder.main.fitter import descend, fit
 from gsvc_ref.encoder.main.settings import IntraSettings
 from gsvc_ref.encoder.main.target import OnEvaluation, Target
 from gsvc_ref.main.cells import cell_order
-from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.codes import IntraCodes, MainCodes
+from gsvc_ref.main.reconstruct import intra_state
+from gsvc_ref.main.state import parameters_of
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.rendering import Precision
-from gsvc_ref.training.coordinates import (
-    HALF,
-    log_kernel,
-    moved,
-    to_parameters,
-)
-from gsvc_ref.training.descent import LBFGS
-
-LEAST_SIZE: Final = 0.27
-"""Smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centres."""
-MOST_SIZE: Final = 400.0
-
-RISE: Final = 1.01
-"""L-BFGS goes back to its best point where the error is this many times as large."""
+from gsvc_ref.training.coordinates import energies, energy, log_kernel, to_parameters
+from gsvc_ref.training.descent import Walk
 
 MEDIAN_ENERGY: Final = 7.0
-"""Median energy of grown splats in D, `quantizer_for`; measured."""
+"""Median energy of fitted splats in D, `quantizer_for`; measured."""
 
-GROWTH_QUANTIZER: Final = 16.0
-"""D for the metric of growth, where it only bounds steps of the faintest splats."""
+MIDDLE_QUANTIZER: Final = 40
+"""The quantizer of no splats."""
 
 LAYER_COARSER: Final = 7
 """By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
@@ -54,20 +49,21 @@ than its own rule has, and 18.3 for 33.7 with none, where one layer takes 13.8 a
 BITS_WEIGHT: Final = 1.5
 """W in the term of the bits, W D^2 / 2 ln(E^2 + D^2) of each splat.
 
-Five codes of geometry and one or two of colour take log2 E bits each, and at a step D a bit is worth about 0.12 D^2.
+Five codes of geometry and one or two of color take log2 E bits each, and at a step D a bit is worth about 0.12 D^2.
 """
+
+STEPS_PER_DOUBLING: Final = 7.0
+"""By how many eighths of an octave D falls with twice the splats; measured on four pictures, 5 to 11."""
+
+CLOSE_QUANTIZER: Final = 2
+"""A quantizer of the rule that is as close as this to the one asked for is not improved."""
+
+SPLAT_TRIES: Final = 3
+"""Most fits of the splat-count search."""
 
 
 class IntraFrame(NamedTuple):
-    """An I-frame to be written.
-
-    Attributes
-    ----------
-    codes
-        Its codes.
-    state, parameters
-        (N, 8) i8 and f4 in their order: what a decoder has.
-    """
+    """An I-frame to be written: its codes, and what a decoder makes of them, `state` and `parameters` (N, 8)."""
 
     codes: MainCodes
     state: I8
@@ -109,201 +105,122 @@ def encode_intra(
     """
     settings = settings or IntraSettings.quick()
     target = Target(picture, base, threads, precision, on_evaluation)
-    z = grow(target, max(1, round(settings.surplus * splats)), rng, settings)
+    z = fit(target, settings.fitted_splats(splats), rng, settings.initialization, settings.growth)
     if quantizer is None:
         above = base is not None and len(base) > 0
         quantizer = min(quantizer_for(z) + (LAYER_COARSER if above else 0), QUANTIZERS - 1)
     step = step_of(quantizer)
-    z = weigh(target, z, step / 16, rng, settings)
-    return coded(settle(target, z, step, rng, settings), quantizer, target.width, target.height)
+    z = refine(target, z, step / 16, rng, settings)
+    return coded(round_sequentially(target, z, step, rng, settings), quantizer, target)
 
 
 def quantizer_for(z: F8) -> int:
-    """The quantiser that goes with splats that a fit of the error alone has found: the one rule for N and D.
+    """The quantizer that goes with splats (N, 8) that a fit of the error alone has found: the one rule for N and D.
 
     A bit is best spent either on a splat more or on finer steps of all. Both give the same where the median of the
     splats' energies E, before any is removed for its bits, is MEDIAN_ENERGY times D: then some 10 to 30 % of them turn
-    out not to be worth their bits, whatever the picture and its quality. A finer D is waste on splats too few, a
-    coarser one removes more of them. For a quality that is asked for, N is what is searched.
-
-    Parameters
-    ----------
-    z
-        (N, 8) f8, coordinates.
-
-    Returns
-    -------
-    int
-        0..79; the middle quantiser of no splats is 40.
+    out not to be worth their bits, for any picture and quality. A finer D is waste on splats too few, a coarser one
+    removes more of them. For a quality that is asked for, N is what is searched (`splats_for`).
     """
     if len(z) == 0:
-        return 40
-    median = math.sqrt(float(np.sort(_energies(z))[len(z) // 2]))
+        return MIDDLE_QUANTIZER
+    median = math.sqrt(float(np.sort(energies(z))[len(z) // 2]))
     steps = np.array([step_of(quantizer) for quantizer in range(QUANTIZERS)])
     return int(np.argmin(np.abs(steps - 16 * median / MEDIAN_ENERGY)))
 
 
-def coded(result: Rounded, quantizer: int, width: int, height: int) -> IntraFrame:
-    """Rounded splats in the order of cells, with the densities of their codes; splats without colour are left out."""
-    result = result.take(np.flatnonzero((result.k != 0).any(axis=1)))
-    result = result.take(cell_order(result.cell, width, height))
-    codes = codes_of(result)
-    densities = choose_densities(codes, step_of(quantizer), width, height) if len(codes) else None
-    return IntraFrame(MainCodes(quantizer, type="I", densities=densities, new=codes), result.state, result.parameters)
-
-
-def grow(target: Target, total: int, rng: Generator, settings: IntraSettings) -> F8:
-    """Coordinates (N, 8) of splats that are close to a picture, without rounding and whatever their bits.
-
-    As long as splats are added, a picture with many pixels for each is evaluated at half or a quarter of its size.
+def splats_for(
+    target: Target, quantizer: int, rng: Generator, settings: IntraSettings, *, splats: int, most_splats: int
+) -> int:
+    """The number of splats for which `quantizer_for` gives about this quantizer, found by fits of other numbers.
 
     Parameters
     ----------
     target
         The picture.
-    total
-        How many splats there are in the end.
-    rng, settings
-        As in `encode_intra`.
-    """
-    z = target.start(settings.growth.start(total), rng)
-    plan = settings.growth.counts(total, settings.grow)
-    descent = LBFGS(len(z), GROWTH_QUANTIZER)
-    best: tuple[float, F8, F8] | None = None  # the error, the coordinates, and the gradient there
-    for i in range(settings.grow):
-        if target.resize(len(z) if i <= max(plan, default=0) else None):
-            best = None
-            descent.append(0)
-        keep_inside(z, target.width, target.height)
-        error, gradient = target.evaluate(to_parameters(z))
-        new = plan.get(i, 0) - len(z)
-        if best is None or error < best[0]:
-            best = error, z, gradient
-        elif error > RISE * best[0] and new <= 0:
-            error, z, gradient = best
-            descent.restart()
-        step = descent.step(z, error, gradient)
-        if new > 0:
-            descent.append(new)
-            z = np.concatenate([z, target.new_splats(new, plan[i], rng)])
-            error, gradient = target.evaluate(to_parameters(z))
-            best = error, z, gradient
-            step = descent.step(z, error, gradient)
-        z = moved(z, step)
-    target.resize()
-    return z if best is None else best[1]
-
-
-def weigh(target: Target, z: F8, quantizer: float, rng: Generator, settings: IntraSettings) -> F8:
-    """Coordinates (N, 8) after descent with the term of the bits, at a step D; the weakest splats move or go.
-
-    Parameters
-    ----------
-    target
-        The picture.
-    z
-        (N, 8) f8, `grow`.
     quantizer
-        D, which says what a bit is worth.
+        0..79.
     rng, settings
         As in `encode_intra`.
+    splats, most_splats
+        The first number that is tried, and the largest.
     """
-    least = settings.least_energy * settings.least_energy * quantizer * quantizer
-    done, descent = 0, LBFGS(len(z), quantizer)
+    count = min(splats, most_splats)
+    for attempt in rng.spawn(SPLAT_TRIES):
+        z = fit(target, settings.fitted_splats(count), attempt, settings.initialization, settings.growth)
+        missing = quantizer_for(z) - quantizer
+        following = min(max(1, round(count * float(power(2.0, missing / STEPS_PER_DOUBLING)))), most_splats)
+        if abs(missing) <= CLOSE_QUANTIZER or following == count:
+            break
+        count = following
+    return count
+
+
+def refine(target: Target, z: F8, D: float, rng: Generator, settings: IntraSettings) -> F8:
+    """Coordinates (N, 8) after descent from z (N, 8) with the term of the bits at a step D; the weakest move or go."""
+    least = settings.least_energy * settings.least_energy * D * D
+    done, walk = 0, Walk(len(z), D)
     for part in sorted({*settings.moves, *settings.removals, 1.0}):
-        stop = int(settings.weigh * part)
-        z = _descended(target, z, descent, stop - done)
+        stop = int(settings.refinement * part)
+        z = descend(target, z, walk, stop - done, partial(add_bits, D))
         done = stop
-        weak = int(np.count_nonzero(_energies(z) <= least))
-        moved_away = part in settings.moves
-        count = max(weak, int(settings.moved_share * len(z))) if moved_away else weak
-        total = len(z)
-        kept = np.sort(np.argsort(_energies(z), kind="stable")[count:])
+        weak, total = int(np.count_nonzero(energies(z) <= least)), len(z)
+        moves = part in settings.moves
+        count = max(weak, int(settings.moved_share * total)) if moves else weak
+        kept = np.sort(np.argsort(energies(z), kind="stable")[count:])
         z = z[kept]
-        descent.take(kept)
-        if moved_away and count:
+        walk.take(kept)
+        if moves and count:
             target.evaluate(to_parameters(z))
             z = np.concatenate([z, target.new_splats(count, total, rng)])
-            descent.append(count)
+            walk.append(count)
     return z
 
 
-def _descended(target: Target, z: F8, descent: LBFGS, evaluations: int) -> F8:
-    """Descend the error of splats with the term of the bits; those that the objective holds are not in z."""
-    best: tuple[float, F8, F8] | None = None
-    for _ in range(evaluations):
-        keep_inside(z, target.width, target.height)
-        error, gradient = target.evaluate(to_parameters(z))
-        error += add_bits(z, descent.quantizer, BITS_WEIGHT, gradient)
-        if best is None or error < best[0]:
-            best = error, z, gradient
-        elif error > RISE * best[0]:
-            error, z, gradient = best
-            descent.restart()
-        z = moved(z, descent.step(z, error, gradient))
-    return z if best is None else best[1]
+def round_sequentially(target: Target, z: F8, step: int, rng: Generator, settings: IntraSettings) -> IntraCodes:
+    """The codes of splats with the coordinates z (N, 8), rounded part by part.
 
-
-def settle(target: Target, z: F8, quantizer: int, rng: Generator, settings: IntraSettings) -> Rounded:
-    """The codes of splats, rounded part by part.
-
-    Splats of a part are rounded, and held; the others go on descending, and make good for what rounding did. Which
-    splats are in a part is drawn at random, so that neighbours mostly are in different parts. The error that is left is
+    Splats of a part are rounded, and held; the others go on descending, and compensate for what rounding did. Which
+    splats are in a part is drawn at random, so that neighbors mostly are in different parts. The error that is left is
     mostly that of the last parts.
-
-    Parameters
-    ----------
-    target
-        The picture.
-    z
-        (N, 8) f8, where to begin.
-    quantizer
-        D in 1/16.
-    rng, settings
-        As in `encode_intra`.
     """
     order = np.argsort(rng.random(len(z)), kind="stable")
-    sizes = np.round(np.array(settings.parts) * len(z)).astype(np.int64)
-    ends = np.minimum(np.cumsum(sizes), len(z))
+    ends = np.minimum(np.cumsum(np.round(np.array(settings.parts) * len(z)).astype(np.int64)), len(z))
     ends[-1] = len(z)
-    z = _descended(target, z, LBFGS(len(z), quantizer / 16), settings.settle)
-    result = rounded(z, quantizer, target.width, target.height)
+    D, rounded, held = step / 16, list[IntraCodes](), list[F4]()
+    z = descend(target, z, Walk(len(z), D), settings.rounding, partial(add_bits, D))
     for first, end in zip((0, *ends[:-1]), ends, strict=True):
-        part, free = order[first:end], order[end:]
-        result.put(part, rounded(z[part], quantizer, target.width, target.height))
+        rounded.append(nearest_codes(z[order[first:end]], step, target.width, target.height))
+        free = order[end:]
         if len(free):
-            target.hold(result.parameters[order[:end]])
-            z[free] = _descended(target, z[free], LBFGS(len(free), quantizer / 16), settings.settle)
-    target.hold(result.parameters[:0])
-    return result
+            held.append(parameters_of(intra_state(rounded[-1], step)))
+            target.hold(np.concatenate(held))
+            z[free] = descend(target, z[free], Walk(len(free), D), settings.rounding, partial(add_bits, D))
+    target.hold(np.zeros((0, 8), np.float32))
+    return IntraCodes.joined(rounded).take(np.argsort(order, kind="stable"))
 
 
-def _energies(z: F8) -> F8:
-    """E^2 of each splat."""
-    return np.asarray((z[:, 5] * z[:, 5] + z[:, 6] * z[:, 6]) + z[:, 7] * z[:, 7])
+def coded(found: IntraCodes, quantizer: int, target: Target) -> IntraFrame:
+    """Codes in the order of cells, with their densities; splats without color are left out."""
+    visible = found.take(np.flatnonzero((found.colors != 0).any(axis=1)))
+    codes = visible.take(cell_order(visible.cells, target.width, target.height))
+    step = step_of(quantizer)
+    densities = choose_densities(codes, step, target.width, target.height) if len(codes) else None
+    state = intra_state(codes, step)
+    return IntraFrame(MainCodes(quantizer, type="I", densities=densities, new=codes), state, parameters_of(state))
+
+
+def add_bits(D: float, z: F8, gradient: F8) -> float:
+    """The term of the bits, W D^2 / 2 ln((E^2 + D^2) / D^2) of all splats; its gradient is added to another (N, 8)."""
+    return _add_bits(z, D, gradient)
 
 
 @kernel()
-def add_bits(z: F8, quantizer: float, weight: float, gradient: F8) -> float:
-    """The term of the bits, W D^2 / 2 ln((E^2 + D^2) / D^2) of all splats; its gradient is added to the other."""
-    d2 = quantizer * quantizer
-    total = 0.0
+def _add_bits(z: F8, D: float, gradient: F8) -> float:
+    d2, total = D * D, 0.0
     for i in range(len(z)):
-        energy = (z[i, 5] * z[i, 5] + z[i, 6] * z[i, 6]) + z[i, 7] * z[i, 7]
+        e2 = energy(z[i])
         for k in range(5, 8):
-            gradient[i, k] += weight * d2 / (energy + d2) * z[i, k]
-        total += log_kernel((energy + d2) / d2)
-    return total * (0.5 * weight * d2)
-
-
-@kernel()
-def keep_inside(z: F8, width: int, height: int) -> None:
-    """Move coordinates, in place, to where an I-frame can have them: inside, neither too small nor too slanted."""
-    low, high, shear = log_kernel(LEAST_SIZE), log_kernel(MOST_SIZE), MOST_SHEAR / 1024
-    for i in range(len(z)):
-        a = min(max((z[i, 2] + z[i, 3]) * HALF, low), high)
-        b = min(max((z[i, 2] - z[i, 3]) * HALF, low), high)
-        z[i, 2], z[i, 3] = (a + b) * HALF, (a - b) * HALF
-        z[i, 4] = min(max(z[i, 4], -shear), shear)
-        z[i, 0] = min(max(z[i, 0], 0.01), width - 0.01)
-        z[i, 1] = min(max(z[i, 1], 0.01), height - 0.01)
+            gradient[i, k] += BITS_WEIGHT * d2 / (e2 + d2) * z[i, k]
+        total += log_kernel((e2 + d2) / d2)
+    return total * (0.5 * BITS_WEIGHT * d2)

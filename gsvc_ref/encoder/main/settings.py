@@ -14,30 +14,30 @@ class IntraSettings:
 
     Attributes
     ----------
-    grow
+    initialization
         Evaluations while splats are added, beside one for each addition, and until they have found their places.
-    weigh
+    refinement
         Evaluations after that, with the term of the bits.
     growth
         How splats come in the first of these.
     surplus
         Splats of the fit for each splat that is asked for.
     moves
-        At which parts of the second the weakest splats move to where the picture is worst.
+        At which parts of the refinement the weakest splats move to where the picture is worst.
     moved_share
         How many of them move each time, at least, as a share of all.
     removals
-        At which parts of the second splats go whose energy is below `least_energy` D; they do at its end as well.
+        At which parts of it splats go whose energy is below `least_energy` D; they do at its end as well.
     least_energy
         In D.
     parts
         The shares of the splats that are rounded one after the other.
-    settle
+    rounding
         Evaluations before the first part is rounded and after each but the last.
     """
 
-    grow: int = 100
-    weigh: int = 80
+    initialization: int = 100
+    refinement: int = 80
     growth: Growth = field(default_factory=lambda: Growth(end=0.45))
     surplus: float = 1.2
     moves: tuple[float, ...] = ()
@@ -45,19 +45,26 @@ class IntraSettings:
     removals: tuple[float, ...] = (0.6, 0.8, 0.95)
     least_energy: float = 1.5
     parts: tuple[float, ...] = (0.3, 0.25, 0.2, 0.15, 0.1)
-    settle: int = 8
+    rounding: int = 8
 
     def __post_init__(self) -> None:
         check_types(self)
-        if self.grow < 1 or self.weigh < 0 or self.settle < 1 or self.surplus < 1 or not self.parts:
-            raise UsageError(f"{self}: grow and settle must be at least 1, weigh 0 and surplus 1, and parts be given")
+        positive = self.initialization >= 1 and self.rounding >= 1 and self.surplus >= 1
+        if not positive or self.refinement < 0 or not self.parts:
+            raise UsageError(
+                f"{self}: initialization, rounding and surplus must be at least 1, refinement 0, and parts be given"
+            )
         if not all(0 <= share <= 1 for share in (*self.parts, *self.moves, *self.removals, self.moved_share)):
             raise UsageError(f"{self}: parts, moves, removals and moved_share must be shares, in 0..1")
+
+    def fitted_splats(self, splats: int) -> int:
+        """How many splats are fitted where so many are asked for."""
+        return max(1, round(self.surplus * splats))
 
     @property
     def evaluations(self) -> int:
         """How many evaluations an I-frame takes, about."""
-        return self.grow + self.weigh + self.settle * len(self.parts)
+        return self.initialization + self.refinement + self.rounding * len(self.parts)
 
     @classmethod
     def quick(cls) -> "IntraSettings":
@@ -67,7 +74,7 @@ class IntraSettings:
     @classmethod
     def slow(cls) -> "IntraSettings":
         """Five times the time of `quick`, for about a tenth fewer bits."""
-        return cls(grow=300, weigh=700, settle=25, moves=(0.1, 0.2, 0.3, 0.4, 0.5))
+        return cls(initialization=300, refinement=700, rounding=25, moves=(0.1, 0.2, 0.3, 0.4, 0.5))
 
 
 @dataclass(frozen=True)
@@ -87,10 +94,11 @@ class InterSettings:
     cell_gain
         Bits that a splat is worth each time that the squared error halves, when cells are compared.
     iterations, rounded_iterations
-        Of steps 2 and 4.
+        Of the proximal descent and of the descent with rounding.
     progress
-        Step 2 goes on for as long as LOOK iterations take this share off the squared error. Splats that overlap much
-        need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 % off the bits.
+        Proximal descent goes on for as long as LOOK iterations take this share off the squared error. Splats that
+        overlap much need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 %
+        off the bits.
     length
         The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH.
     momentum
@@ -108,9 +116,9 @@ class InterSettings:
     new_share
         Most new splats of a frame, as a share of the clip's number.
     fall
-        Constant rate: D becomes finer once a P-frame is so many dB behind the first one after its I-frame. Each frame
-        leaves what is not worth its bits, and that adds up: without this, the last third of the 22 frames before the
-        demo clip's cut was 2.1 dB below the first. 200 leaves D as it is.
+        Constant rate: D becomes finer once a P-frame has so many dB less than the first one after its I-frame. Each
+        frame leaves what is not worth its bits, and that adds up: without this, the last third of the 22 frames before
+        the demo clip's cut was 2.1 dB below the first. 200 leaves D as it is.
     """
 
     cells: tuple[int, ...] = (64, 32, 16)
@@ -135,17 +143,16 @@ class InterSettings:
         check_types(self)
         sides = all(cell in SIDES[1:] for cell in self.cells) and tuple(sorted(self.cells, reverse=True)) == self.cells
         numbers = [getattr(self, field.name) for field in fields(self) if field.name != "cells"]
-        if (
-            not sides
-            or min(numbers) < 0
-            or self.motion_rounds < 1
-            or self.iterations < 1
-            or self.rounded_iterations < 1
-        ):
+        if not sides or min(numbers) < 0 or min(self.motion_rounds, self.iterations, self.rounded_iterations) < 1:
             raise UsageError(
                 f"{self}: cells must be of 64, 32 and 16 in this order, the others at least 0, and motion_rounds, "
                 "iterations and rounded_iterations at least 1"
             )
+
+    @property
+    def evaluations(self) -> int:
+        """How many evaluations a P-frame takes at least, beside those of the field."""
+        return self.iterations + self.rounded_iterations
 
     @classmethod
     def quick(cls) -> "InterSettings":

@@ -1,6 +1,7 @@
 """What splats of an I-frame are fitted to: a picture, with the error of splats in their coordinates."""
 
 from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -15,6 +16,12 @@ from gsvc_ref.training.coordinates import gradient_by_coordinates, to_coordinate
 OnEvaluation = Callable[[float], None]
 """Called with the loss, as in `Objective`."""
 
+SQUARE_OF_8_BITS: Final = 255.0 * 255.0
+"""A squared error of 1 in units of 8 bits."""
+
+LEAST_LOSS: Final = 1e-12
+"""The loss of a picture without error, so that its PSNR is finite."""
+
 
 class Target:
     """A picture to be described, with the squared error of splats in units of 8 bits.
@@ -22,16 +29,8 @@ class Target:
     While splats are few, a smaller picture does (`training.coarse`): `resize` chooses what is evaluated. The squared
     error is always that of the whole picture, or about that.
 
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4.
-    base
-        (B, 8) f4, splats that are in every picture, such as those of a lower layer.
-    threads, precision
-        As in `Objective`.
-    on_evaluation
-        Called after each evaluation.
+    `base` (B, 8) f4 are splats that are in every picture, such as those of a lower layer; `on_evaluation` is called
+    after each evaluation.
     """
 
     def __init__(
@@ -46,8 +45,8 @@ class Target:
         self.height, self.width = picture.shape[:2]
         self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
         self._sizes = Sizes(picture, threads, precision=precision, full=self._objective)
-        self._level = self._sizes.of(1)
-        self._scale = self.height * self.width * 255.0 * 255.0
+        self._size = self._sizes.of(1)
+        self._scale = self.height * self.width * SQUARE_OF_8_BITS
         self._base = np.zeros((0, 8), np.float32) if base is None else base
         self.hold(self._base[:0])
 
@@ -60,7 +59,7 @@ class Target:
 
     def new_splats(self, count: int, total: int, rng: Generator) -> F8:
         """Coordinates (count, 8) of splats where the splats evaluated last, of `total`, leave the most."""
-        return to_coordinates(self._level.new_splats(count, total, rng))
+        return to_coordinates(self._size.new_splats(count, total, rng))
 
     def resize(self, splats: int | None = None) -> bool:
         """Evaluate from now on at the size that does for so many splats, None: the full one; whether that is another.
@@ -68,8 +67,8 @@ class Target:
         A picture with a base stays as large as it is; one in which splats are held is to be of the full size.
         """
         step = 1 if splats is None or len(self._base) else step_for(self.width, self.height, splats)
-        before, self._level = self._level, self._sizes.of(step)
-        return self._level is not before
+        before, self._size = self._size, self._sizes.of(step)
+        return self._size is not before
 
     def hold(self, parameters: F4) -> None:
         """From now on splats (n, 8) f4 are in every picture of the full size, with the base and those evaluated."""
@@ -77,7 +76,7 @@ class Target:
 
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
-        loss, gradient = self._level.evaluate(parameters)
+        loss, gradient = self._size.evaluate(parameters)
         if self._on_evaluation:
             self._on_evaluation(loss)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
@@ -86,4 +85,4 @@ class Target:
         """The PSNR in dB of the picture of the base and splats (N, 8) f4."""
         self.hold(parameters)
         error = self._objective.loss(parameters[:0])
-        return 10 * float(log10(3 / max(error, 1e-12)))
+        return 10 * float(log10(3 / max(error, LEAST_LOSS)))

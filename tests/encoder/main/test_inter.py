@@ -6,34 +6,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gsvc_base.arrays import F4, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.main import differences
-from gsvc_ref.encoder.main.candidates import REACH, best_candidates
+from gsvc_ref.encoder.main.codes import nearest_codes
+from gsvc_ref.encoder.main.field import best_field, flow_at_points
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra
-from gsvc_ref.encoder.main.motion_field import best_field, flow_at_points
-from gsvc_ref.encoder.main.new_splats import rounded, state_parameters
+from gsvc_ref.encoder.main.new_splats import CUTOFF, best_candidates
 from gsvc_ref.encoder.main.settings import InterSettings
 from gsvc_ref.main.cells import halving_count
-from gsvc_ref.main.codes import REMOVED, IntraCodes, MainCodes
+from gsvc_ref.main.codes import REMOVED, MainCodes
 from gsvc_ref.main.densities import PLANES, Densities, Density
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.main.models import Models
-from gsvc_ref.main.reconstruct import intra_state, position_steps
-from gsvc_ref.main.state import SHEAR_STEPS, SIZE_STEPS, classes, to_splats
+from gsvc_ref.main.reconstruct import add_differences, intra_state
+from gsvc_ref.main.state import parameters_of, to_splats
 from gsvc_ref.main.tables import step_of
 from gsvc_ref.rendering import Objective, Precision, SampledObjective
 
 WIDTH, HEIGHT = 96, 64
 QUANTIZER = 40
 D = step_of(QUANTIZER)
-LIMITS = np.tile(np.array([-200, 200]), (3, 11, 1))
 DENSITIES = Densities((Density(scale_code=16),) * len(PLANES), (0,) * halving_count(WIDTH, HEIGHT))
 LATTICES: tuple[tuple[int, int], ...] = ((1, 1), (2, 1), (2, 2))
 HALF_A_UNIT = 2 ** (0.5 / 1024) - 1 + 2**-15
 """How far a decoder's colours are from the exact ones: it takes (A + B) / 2 in whole units, and 16 bits of 2^x."""
+FIELD_ONLY = InterSettings(cells=(64, 32), motion_steps=6, motion_rounds=6)
 SHORT = InterSettings(motion_steps=3, motion_rounds=3, iterations=24, rounded_iterations=9)
 
 
@@ -74,10 +74,16 @@ def encoded(
     return InterEncoder(settings).encode(frame)
 
 
-def anchors(values: I8) -> differences.F8:
-    j = classes(values[:, 5:], D)
-    zero = np.zeros(len(values), np.int64)
-    return differences.anchors(values, (zero, zero), position_steps(values, j)[:2], j, SIZE_STEPS, SHEAR_STEPS)
+def anchors(values: I8) -> differences.Anchors:
+    """Of splats that do not move, with the scale 1."""
+    return differences.anchors_of(values, np.zeros((len(values), 2), np.int64), D, WIDTH * HEIGHT)._replace(scale=1.0)
+
+
+def parameters_at(anchor: differences.Anchors, q: F8) -> F4:
+    out, z = np.empty(q.shape, np.float32), np.empty(8)
+    for i in range(len(q)):
+        differences.put_value(anchor, i, q[i], z, out[i])
+    return out
 
 
 def after(values: I8, codes: MainCodes, densities: Densities | None = DENSITIES) -> MainState:
@@ -95,23 +101,29 @@ def error(values: I8, target: F4) -> float:
 
 
 def test_no_differences_leave_the_splats_as_they_are(values: I8) -> None:
-    parameters = np.empty((len(values), 8), np.float32)
-    differences.values(anchors(values), np.zeros((len(values), 8)), D / 16, parameters)
+    parameters = parameters_at(anchors(values), np.zeros((len(values), 8)))
     np.testing.assert_allclose(parameters, to_splats(values).to_array(), rtol=HALF_A_UNIT)
+
+
+def test_whole_differences_are_about_those_of_a_decoder(values: I8) -> None:
+    q = np.random.default_rng(4).integers(-2, 3, (len(values), 8))
+    decoded = parameters_of(add_differences(values, np.zeros((len(values), 2), np.int64), q, D))
+    found = parameters_at(anchors(values), q.astype(np.float64))
+    np.testing.assert_allclose(found[:, :2], decoded[:, :2], atol=1 / 512)
+    np.testing.assert_allclose(found[:, [2, 4, 5, 6, 7]], decoded[:, [2, 4, 5, 6, 7]], rtol=HALF_A_UNIT, atol=1e-6)
+    assert (np.abs(found[:, 3] - decoded[:, 3]) < 1.5 / 1024 * decoded[:, 4]).all()  # a decoder's S is a whole number
 
 
 def test_gradients_by_differences_are_those_of_the_error(values: I8) -> None:
     rng = np.random.default_rng(1)
     anchor, q = anchors(values), rng.normal(0, 0.3, (len(values), 8))
     weights = rng.normal(0, 1, (len(values), 8)).astype(np.float32)  # of a loss that is linear in the parameters
-    parameters, found = np.empty((len(values), 8), np.float32), np.empty((len(values), 8))
-    differences.values(anchor, q, D / 16, parameters)
-    differences.gradients(anchor, q, parameters, weights, D / 16, 1.0, found)
-    sides = np.empty((2, len(values), 8), np.float32)
+    parameters, found = parameters_at(anchor, q), np.empty((len(values), 8))
+    for i in range(len(q)):
+        differences.put_slope(anchor, i, q[i], parameters[i], weights[i], found[i])
     for k in range(8):
-        for side, step in zip(sides, (0.05, -0.05), strict=True):
-            differences.values(anchor, q + step * np.eye(8)[k], D / 16, side)
-        wanted = ((sides[0].astype(np.float64) - sides[1]) * weights).sum(axis=1) / 0.1
+        sides = [parameters_at(anchor, q + step * np.eye(8)[k]).astype(np.float64) for step in (0.05, -0.05)]
+        wanted = ((sides[0] - sides[1]) * weights).sum(axis=1) / 0.1
         np.testing.assert_allclose(found[:, k], wanted, atol=2e-3 * np.abs(wanted).max())
 
 
@@ -120,14 +132,12 @@ def test_idle_splats_are_those_that_a_proximal_step_leaves_as_they_are(values: I
     rng, count = np.random.default_rng(2), len(values)
     anchor, length, q = anchors(values), np.full(count, 0.2), np.zeros((count, 8))
     q[:5, 3] = 1
-    parameters = np.empty((count, 8), np.float32)
-    differences.values(anchor, q, D / 16, parameters)
+    parameters, prices = parameters_at(anchor, q), differences.Prices(0.9, 0.4, price)
     gradient = rng.normal(0, 1, (count, 8)).astype(np.float32) * rng.uniform(0, 0.5, (count, 1)).astype(np.float32)
-    how = (anchor, parameters, gradient, D / 16, 1.0)
-    idle = differences.idle(*how, q, q, length, 0.4, price)
-    y, after = q.copy(), q.copy()
-    differences.proximal_step(*how, y, after, length, 0.9, 0.4, price)
-    unchanged = (after == 0).all(axis=1)
+    idle = differences.idle(anchor, differences.Iterate(q, q, parameters, length), gradient, prices)
+    after = differences.Iterate(q.copy(), q.copy(), parameters, length)
+    differences.proximal_step(anchor, after, gradient, prices)
+    unchanged = (after.q == 0).all(axis=1)
     np.testing.assert_array_equal(idle[5:], unchanged[5:] & (price > 0))
     assert not idle[:5].any()
     assert idle.any() == (price > 0)
@@ -149,7 +159,7 @@ def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> Non
         reference = to_splats(values).to_array()
         for down, right in LATTICES:
             sampled = SampledObjective(target, 1, down=down, right=right)
-            field = best_field(sampled, reference, flow, None, 500, 2.4, (64, 32), 6, 6)
+            field = best_field(sampled, reference, flow, None, FIELD_ONLY, math.sqrt(500 / FIELD_ONLY.motion_price))
             assert (field.cell > 0) == (wanted != (0, 0))
             assert np.abs(field.vectors - wanted).mean() < 2
 
@@ -210,24 +220,9 @@ def test_new_splats_have_densities_of_their_own_where_none_are_kept(values: I8, 
     after(few, codes, densities=None)
 
 
-def test_states_of_new_splats_are_those_that_their_codes_decode_to() -> None:
-    rng = np.random.default_rng(3)
-    z = np.column_stack([
-        rng.uniform(0, WIDTH, 200), rng.uniform(0, HEIGHT, 200), rng.normal(2, 1, 200), rng.normal(0, 1, 200),
-        rng.normal(0, 1, 200), rng.normal(0, 300, (200, 3)),
-    ])  # fmt: skip
-    codes = rounded(z, D, WIDTH, HEIGHT, SIZE_STEPS, SHEAR_STEPS, LIMITS)
-    seen = codes.take(np.flatnonzero((codes.colors != 0).any(axis=1)))
-    decoded = intra_state(IntraCodes(seen.cells, seen.colors, seen.shapes, seen.places), D)
-    np.testing.assert_array_equal(seen.state, decoded)
-    parameters = np.empty((len(seen.state), 8), np.float32)
-    state_parameters(seen.state, parameters)
-    np.testing.assert_allclose(parameters, to_splats(decoded).to_array(), rtol=HALF_A_UNIT)
-
-
 def test_codes_of_new_splats_stay_within_their_limits() -> None:
     z = np.array([[50.0, 30.0, 4.0, 2.0, 9.0, 800.0, 20.0, 0.0]])
-    codes = rounded(z, D, WIDTH, HEIGHT, SIZE_STEPS, SHEAR_STEPS, np.tile(np.array([-1, 1]), (3, 11, 1)))
+    codes = nearest_codes(z, D, WIDTH, HEIGHT, np.tile(np.array([-1, 1]), (3, 11, 1)))
     assert np.abs(codes.shapes).max() == 1
 
 
@@ -247,7 +242,7 @@ def test_the_colour_of_a_candidate_is_the_projection_of_the_residual(size: float
     z = best_candidates(residual, (size,), 0.0, 1, threads=1)
     assert np.array_equal(best_candidates(residual, (size,), 0.0, 1, threads=3), z)
     y, x = np.mgrid[:HEIGHT, :WIDTH] + 0.5
-    radius = math.ceil(REACH * size)
+    radius = math.ceil(CUTOFF * size)
     inside = (np.abs(x - z[0, 0]) <= radius) & (np.abs(y - z[0, 1]) <= radius)
     weights = inside * np.exp(-((x - z[0, 0]) ** 2 + (y - z[0, 1]) ** 2) / (2 * size**2)) / (math.sqrt(math.pi) * size)
     opponent = np.array([[1, 1, 1], [1, 0, -1], [1, -2, 1]]) / np.sqrt([[3], [2], [6]])

@@ -100,7 +100,7 @@ HEADER = "ply\nformat binary_little_endian 1.0\ncomment made by hand\nelement ve
         (
             HEADER + "property float x\nend_header\n123456789",
             "malformed",
-            "behind its 2 vertices: they take 8 bytes, and 9",
+            "after its 2 vertices: they take 8 bytes, and 9",
         ),
         (HEADER.replace(" 2", " -2") + "end_header\n", "unsupported", "element vertex -2"),
         (HEADER.replace(" 2", " 99999999999999") + "property float x\nend_header\n", "limit", "at most 4194304"),
@@ -117,7 +117,7 @@ def test_hostile_headers_are_refused(tmp_path, text, kind, message):
     assert caught.value.kind in kind.split("|")
 
 
-def test_other_types_and_what_stands_behind_the_vertices(tmp_path):
+def test_other_types_and_what_follows_the_vertices(tmp_path):
     header = HEADER + "property double x\nproperty uchar red\nelement face 1\nproperty list uchar int i\nend_header\n"
     vertices = np.array([(1.5, 3), (2.5, 4)], [("x", "<f8"), ("red", "u1")]).tobytes()
     (tmp_path / "a.ply").write_bytes(header.encode() + vertices + b"\1\0\0\0\0")
