@@ -34,7 +34,7 @@ UNVERSIONED = --ignore tests/viewer --ignore tests/tools/viewing --ignore tests/
 	--ignore tests/supply_chain/test_sources.py --ignore tests/test_arrows.py --ignore tests/test_links.py --ignore tests/test_tour.py \
 	--ignore tests/test_portable_sources.py --ignore tests/hostile/test_syntax_elements.py \
 	--ignore tests/cli/test_cli_jobs.py --ignore tests/cli/test_cli_killed.py --ignore tests/cli/test_cli_ended.py \
-	--ignore tests/encoder/test_side_by_side.py --ignore tests/encoder/test_resume.py --ignore tests/encoder/test_killed.py \
+	--ignore tests/tools/jobs/test_side_by_side.py --ignore tests/tools/jobs/test_resume.py --ignore tests/tools/jobs/test_killed.py \
 	--ignore tests/conformance/test_asked_again.py --ignore tests/conformance/test_server.py --ignore tests/conformance/test_process.py \
 	--ignore tests/conformance/test_supervision.py --ignore tests/conformance/test_implementations.py \
 	--ignore tests/conformance/test_diagnosis.py --ignore tests/conformance/test_generic_looks.py \

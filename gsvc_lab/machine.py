@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import gsvc_ref
-from gsvc_ref.processes import processors
+from gsvc_base.processors import processors
 
 PACKAGES: Final = ("gsvc_ref", "numpy", "numba", "llvmlite", "torch")
 

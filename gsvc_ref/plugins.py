@@ -7,6 +7,7 @@ package offers, by the functions here:
 - `add_names`: names that `gsvc_ref` offers, such as ``gsvc_ref.concat``, and the module that each comes from;
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
+- `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
 - `set_page_writer`: the page of ``gsvc encode --report``.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
@@ -17,7 +18,7 @@ from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple, Protocol, cast
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport
@@ -78,6 +79,7 @@ _names: Final[dict[str, str]] = {}
 _sources: Final[list[NamedSource]] = []
 _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
+_encoders: Final[list[str]] = []
 _page_writers: Final[list[PageWriter]] = []
 
 
@@ -108,6 +110,11 @@ def set_file_reader(open_file: FileReader) -> None:
 def add_target(target: Target) -> None:
     """Let `gsvc_ref.video.open_writer` write files with such names."""
     _targets.append(target)
+
+
+def set_encoder(module: str) -> None:
+    """Let `gsvc_ref.encode` hand over what it does not do itself to the function ``encode`` of a module."""
+    _encoders.append(module)
 
 
 def set_page_writer(write: PageWriter) -> None:
@@ -159,6 +166,25 @@ def targets() -> tuple[Target, ...]:
     """What was given to `add_target`, in that order."""
     _load()
     return tuple(_targets)
+
+
+def encoder() -> Callable[..., Any]:
+    """The function of the module that was given to `set_encoder` last.
+
+    Raises
+    ------
+    UsageError
+        No plug-in that is installed has one.
+    """
+    _load()
+    if not _encoders:
+        from gsvc_base.errors import UsageError
+
+        raise UsageError(
+            "jobs, an executor, resume and targets of a whole clip (bitrate, size, mean_psnr, vmaf) need gsvc_tools, "
+            "which comes with gsvc_ref: pip install ."
+        )
+    return cast("Callable[..., Any]", import_module(_encoders[-1]).encode)
 
 
 def page_writer() -> PageWriter | None:

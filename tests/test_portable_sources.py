@@ -16,10 +16,12 @@ import gsvc_base.draws
 import gsvc_conformance
 import gsvc_lab
 import gsvc_ref
+import gsvc_tools
 
 BASE = Path(gsvc_base.__file__).parent
 HOME = Path(gsvc_ref.__file__).parent
 LAB = Path(gsvc_lab.__file__).parent
+TOOLS = Path(gsvc_tools.__file__).parent
 KIT = Path(gsvc_conformance.__file__).parent
 MAKING = sorted(
     [*(KIT / "cases").glob("*.py"), *(KIT / "operations").rglob("*.py"), KIT / "elementary.py", KIT / "streams.py",
@@ -76,6 +78,7 @@ SOURCES = sorted(
     for path in [*(path for part in PARTS for path in (HOME / part).rglob("*.py")), *HOME.glob("p*.py"),
                  *BASE.glob("[dps]*.py"), *(BASE / "rendering").glob("*.py"), *(BASE / "exact").glob("[der]*.py"),
                  *(HOME / "testing").glob("[c-r]*.py"), *(LAB / "scenes").rglob("*.py"),
+                 *(part for room in ("jobs", "targets") for part in (TOOLS / room).rglob("*.py")),
                  HOME / "metrics" / "squared_error.py"]
     if not str(path).endswith(FOR_PEOPLE)
 )  # fmt: skip

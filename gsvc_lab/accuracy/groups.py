@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from gsvc_base.errors import UsageError
+from gsvc_base.processors import processors
 from gsvc_lab.accuracy.work import QUICK_FIT, Coding, CutOff, Rendering, Training, Work
-from gsvc_ref.processes import processors
 from gsvc_ref.training import PAPER_SCHEDULE, Rates
 
 Kind = Literal["rendering", "coding", "training"]

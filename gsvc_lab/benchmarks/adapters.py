@@ -44,6 +44,7 @@ import numpy as np
 
 import gsvc_ref
 from gsvc_base.draws import Draws
+from gsvc_base.processors import processors
 from gsvc_lab.benchmarks.material import CACHE, trained
 from gsvc_lab.benchmarks.results import Table
 from gsvc_lab.benchmarks.timing import Spread
@@ -53,7 +54,6 @@ from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.densities import Densities, Density
 from gsvc_ref.main.frames import MainState, code_run
-from gsvc_ref.processes import processors
 from gsvc_ref.testing import write_stream
 from gsvc_ref.testing.random_main_streams import RandomRun
 

@@ -2,7 +2,7 @@
 
 The tasks of a clip are made here, one after the other, and measured: seconds, and bytes each way. A film is made of
 groups drawn from those, and its tasks are played through: the first free worker gets the next task of the longest group
-that has none in work, groups are read ahead of the one to be written next, both as in `gsvc_ref.encoder.side_by_side`,
+that has none in work, groups are read ahead of the one to be written next, both as in `gsvc_tools.jobs.side_by_side`,
 and all bytes go over the one link of the command.
 """
 
@@ -22,8 +22,8 @@ from gsvc_base.cli.text import duration
 from gsvc_base.pages.tables import Table
 from gsvc_lab.machine import environment
 from gsvc_ref import Settings, encode
-from gsvc_ref.encoder.cluster import TASK_S
-from gsvc_ref.encoder.side_by_side import GROUPS_AHEAD
+from gsvc_tools.jobs.cluster import TASK_S
+from gsvc_tools.jobs.side_by_side import GROUPS_AHEAD
 
 WORKERS: Final = (1, 10, 100, 1000)
 

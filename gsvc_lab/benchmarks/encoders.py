@@ -20,8 +20,8 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_base.pages.tables import Table
+from gsvc_base.processors import processors
 from gsvc_lab.machine import cpu_model, machine_text
-from gsvc_ref.processes import processors
 
 CHECKOUT: Final = Path(__file__).resolve().parents[2]
 SCRIPT: Final = Path(__file__).with_name("encode_case.py")

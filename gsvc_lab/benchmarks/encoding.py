@@ -24,6 +24,7 @@ import numpy as np
 
 from gsvc_base.arrays import F4
 from gsvc_base.files import write_text
+from gsvc_base.processors import processors
 from gsvc_base.splats import Splats
 from gsvc_lab.benchmarks.encoding_tables import report
 from gsvc_lab.benchmarks.pictures import PHOTOGRAPHS, SIZES, pictures
@@ -31,7 +32,6 @@ from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.rate import add_where_wrong, make_room
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.paper import FrameType
-from gsvc_ref.processes import processors
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training import (
     KEPT_WEIGHT,

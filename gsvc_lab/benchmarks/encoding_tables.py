@@ -8,10 +8,10 @@ from typing import Any, Final
 
 from gsvc_base.files import write_text
 from gsvc_base.pages.tables import markdown_table
+from gsvc_base.processors import processors
 from gsvc_lab.benchmarks.pictures import SIZES
 from gsvc_lab.benchmarks.report import filled
 from gsvc_lab.machine import cpu_model
-from gsvc_ref.processes import processors
 
 DOCUMENT: Final = Path(__file__).parents[2] / "docs" / "encoding.md"
 

@@ -13,7 +13,7 @@ from gsvc_base.cli.text import print_json, show, table
 from gsvc_base.errors import UsageError
 from gsvc_lab.cli.report import check_page
 from gsvc_ref.cli.files import STDIO, check_input
-from gsvc_ref.cli.where import opened_workers
+from gsvc_tools.cli.where import opened_workers
 
 if TYPE_CHECKING:
     from gsvc_lab.bench.planes import PlanarClip

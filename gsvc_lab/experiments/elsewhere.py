@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from gsvc_base.files import complete_file
-from gsvc_ref.encoder.cluster import opened_cluster
-from gsvc_ref.processes import Processes
+from gsvc_tools.jobs.cluster import opened_cluster
+from gsvc_tools.jobs.processes import Processes
 
 Make = Callable[[str, argparse.Namespace], bool]
 

@@ -8,9 +8,9 @@ from typing import Any, Final, get_args
 from gsvc_base.cli.text import to_json
 from gsvc_base.errors import UsageError
 from gsvc_base.files import write_text
+from gsvc_base.processors import processors
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run
 from gsvc_lab.machine import environment
-from gsvc_ref.processes import processors
 
 FORMAT: Final = 1
 """Version of the JSON."""

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.cli.text import plural
+from gsvc_base.processors import processors
 from gsvc_lab.clips import Clip, packaged_clip
 from gsvc_lab.experiments.encodes import Say, encoded, excerpt, held
 from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
-from gsvc_ref.processes import processors
 
 PAPER_SECONDS: Final = (197.58, 221.45)
 """Seconds per frame of 1920x1080 at the lowest and the highest rate on a V100 (paper, section 4.2)."""

@@ -29,6 +29,9 @@ MODULES: Final = {
 ORDER: Final = ("encode", "decode", "view", "info", "dump", "compare", "concat", "cut", "import", "export")
 """The order of ``gsvc --help``. Commands of plug-ins that are not named here come last."""
 
+EXTENDED: Final = ("encode",)
+"""Commands of this package that a plug-in may replace by one that does more."""
+
 COLLECT_AFTER: Final = 100_000
 """Objects after which Python looks for cyclic garbage; by default 700. Loading a thousand modules makes none."""
 
@@ -41,7 +44,8 @@ def build_parser(named: str | None = None) -> Parser:
     parser = Parser(prog="gsvc", description="GSVC: video as sums of 2D Gaussian splats.", allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"gsvc {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
-    modules = MODULES if named in MODULES else {**MODULES, **plugins.commands()}
+    is_known = named in MODULES and named not in EXTENDED
+    modules = MODULES if is_known else {**MODULES, **plugins.commands()}
     for command in [named] if named in modules else sorted(modules, key=_place):
         import_module(modules[command]).add_command(commands)
     parser.commands = commands.choices

@@ -1,7 +1,9 @@
 """``gsvc encode``: a video in, a `.gsvc` file out."""
 
 import sys
-from argparse import Namespace
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TextIO
 
@@ -12,24 +14,48 @@ from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli.encode_options import add_options, make_settings
 from gsvc_ref.cli.encode_page import check_page, without_page, write_page
-from gsvc_ref.cli.encode_text import describe_settings, is_one_group, progress_callback, report_object, summary
+from gsvc_ref.cli.encode_text import describe_settings, progress_callback, report_object, summary
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, describe_format, display_name
-from gsvc_ref.cli.where import add_where_options, opened_executor, resume_folder, started_processes
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.processes import Processes
-    from gsvc_ref.video import VideoReader
+    from gsvc_ref.video import Resampled, VideoReader
 
 GSVC_ENCODE: Final = "gsvc encode"
-GO_ON: Final = "; the same command goes on from the groups of pictures that are complete"
-"""What is said of an interrupted encode with ``--resume``."""
 
 
-def add_command(commands: Any) -> None:
-    """Add the command to the subparsers of ``gsvc``."""
-    parser = commands.add_parser(
+@dataclass(frozen=True)
+class Extras:
+    """What a command adds to an encode that does more than this one.
+
+    Attributes
+    ----------
+    options
+        Arguments of `gsvc_ref.encode`.
+    opens_again
+        Whether the source is opened by `gsvc_ref.encode`, as often as it needs, with these settings.
+    look
+        Called with the source before it is encoded, so that it may get notes.
+    notes
+        Gives sentences on the encode.
+    advice
+        Gives the end of a sentence on an interrupted encode.
+    """
+
+    options: Mapping[str, Any] = field(default_factory=dict)
+    opens_again: "Callable[[Settings], bool]" = lambda settings: False
+    look: "Callable[[VideoReader, Settings], None]" = lambda reader, settings: None
+    notes: "Callable[[EncodeReport], list[str]]" = lambda report: []
+    advice: Callable[[], str] = lambda: ""
+
+
+PLAIN: Final = Extras()
+
+
+def add_command(commands: Any) -> ArgumentParser:
+    """Add the command to the subparsers of ``gsvc``; its parser."""
+    parser: ArgumentParser = commands.add_parser(
         "encode",
         help="encode a video as a .gsvc file",
         description="Encode a video as a .gsvc file, which stands under its name once it is complete. After Ctrl-C, "
@@ -38,55 +64,60 @@ def add_command(commands: Any) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
-    parser.add_argument(
-        "output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output; none with --dry-run"
-    )
+    parser.add_argument("output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output")
     add_options(parser)
-    add_where_options(parser)
     add_force(parser)
+    return parser
 
 
 def run(arguments: Namespace) -> int:
     """Encode; 0, or 130 when it was interrupted."""
-    if arguments.output is None and not arguments.dry_run:
-        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
-    if arguments.json and arguments.output == STDIO and not arguments.dry_run:
-        raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
-    check_input(arguments.input, folder_allowed=True)
-    if arguments.output is not None:
-        check_output(arguments.output, arguments.input)
-        check_stream_name(arguments.output, force=arguments.force)
-        check_page(arguments)
+    check_names(arguments)
+    return unless_interrupted(lambda: encode_file(arguments))
+
+
+def unless_interrupted(encode: Callable[[], int]) -> int:
+    """The exit code of an encode, also where Ctrl-C ends it before there is anything to save."""
     try:
-        with started_processes(arguments) as processes:
-            return _encode(arguments, processes)
+        return encode()
     except KeyboardInterrupt:
         say(GSVC_ENCODE, "interrupted before the first frame was complete; nothing was saved")
         return EXIT_INTERRUPTED
 
 
-def _encode(arguments: Namespace, processes: "Processes | None") -> int:
-    from gsvc_ref import IncompleteEncodeError, encode
-    from gsvc_ref.cli.compilation import compilation_notice
-    from gsvc_ref.encoder.reading_again import can_be_read_again
+def check_names(arguments: Namespace) -> None:
+    """Refuse names of files that cannot be read or written."""
+    if arguments.output is None:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc")
+    if arguments.json and arguments.output == STDIO:
+        raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
+    check_input(arguments.input, folder_allowed=True)
+    check_output(arguments.output, arguments.input)
+    check_stream_name(arguments.output, force=arguments.force)
+    check_page(arguments)
+
+
+def opened_again(arguments: Namespace) -> "Resampled":
+    """The source, resampled as the options say; each time that it is opened, it is read from its beginning."""
     from gsvc_ref.video import Resampled, open_video
 
-    settings = make_settings(arguments)
-    source = Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
-    if arguments.dry_run:
-        from gsvc_ref.cli.dry_run import dry_run
+    return Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
 
-        return dry_run(arguments, source, settings)
-    resume = resume_folder(arguments)
+
+def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
+    """Encode, and say what came out; 0, 1 after a fault, or 130 when it was interrupted."""
+    from gsvc_ref import IncompleteEncodeError, encode
+    from gsvc_ref.cli.compilation import compilation_notice
+
+    settings = make_settings(arguments)
+    source = opened_again(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
     with (
         compilation_notice(GSVC_ENCODE, silent=not talkative) as notice,
         source.open_video() as reader,
-        opened_executor(arguments, processes) as (jobs, executor),
     ):
-        if can_be_read_again(arguments.input):
-            _look_at_first(reader, settings)
+        extras.look(reader, settings)
         if talkative:
             _introduce(arguments.input, reader, settings, out)
         shown = list(reader.notes)
@@ -94,10 +125,9 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
                 progress = progress_callback(display)
-                again = settings.goal is not None and can_be_read_again(arguments.input)
                 report = encode(
-                    source if again else reader, arguments.output, settings,
-                    live=arguments.live, jobs=jobs, executor=executor, resume=resume, progress=progress,
+                    source if extras.opens_again(settings) else reader, arguments.output, settings,
+                    live=arguments.live, progress=progress, **extras.options,
                 )  # fmt: skip
         except IncompleteEncodeError as error:
             fault, report = error, error.report
@@ -106,12 +136,9 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
                 say(GSVC_ENCODE, f"{arguments.output} ends early; it can be decoded up to its last complete frame")
             raise
         if talkative:
-            for note in report.notes:
+            for note in [*report.notes, *extras.notes(report)]:
                 if note not in shown:
                     show(f"  note: {note}", file=out)
-            if (jobs > 1 or resume) and not report.interrupted and is_one_group(report):
-                so = "one process was at work" if jobs > 1 else "none was kept before the end"
-                show(f"  note: one group of pictures, so {so}; --key-frames K makes more", file=out)
             show(*summary(arguments.output, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
@@ -119,20 +146,9 @@ def _encode(arguments: Namespace, processes: "Processes | None") -> int:
         say(GSVC_ENCODE, str(fault) + without_page(arguments))
         return EXIT_DATA
     if report.interrupted:
-        go_on = GO_ON if resume and resume.exists() else ""
-        say(GSVC_ENCODE, _interrupted(arguments.output, report) + go_on + without_page(arguments))
+        say(GSVC_ENCODE, _interrupted(arguments.output, report) + extras.advice() + without_page(arguments))
         return EXIT_INTERRUPTED
     return write_page(arguments, report)
-
-
-def _look_at_first(reader: "VideoReader", settings: "Settings") -> None:
-    """Note what is to be expected of the pictures, by the first one."""
-    from gsvc_ref.encoder.screen_content import screen_note
-
-    if settings.frames[0] > 0 or (first := reader.peek()) is None:
-        return
-    if (note := screen_note(first, reader.format.peak, settings)) is not None:
-        reader.note(note)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

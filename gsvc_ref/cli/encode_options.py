@@ -130,20 +130,9 @@ def add_options(parser: ArgumentParser) -> None:
         "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
     )
     other.add_argument(
-        "--jobs", type=whole, metavar="J",
-        help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
-        "depend on it. Default 1: a clip without cuts has one group (but --key-frames K makes more), and each "
-        "process needs memory",
-    )  # fmt: skip
-    other.add_argument(
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
-    other.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="write nothing: encode some frames, and say what time, size and quality the whole is likely to take",
-    )
     other.add_argument(
         "--report", metavar="PAGE.html",
         help="then write a page to look at: pictures, PSNR, bits, what x264 needs (gsvc report makes it later, too)",

@@ -5,10 +5,8 @@ In reading order: `loop` is all of it, the frames of a video in and encoded fram
 rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`. In profile `paper` `frame`
 does so, an I-frame from nothing, a P-frame from its `prediction`, which rests on the errors of its `blocks` and on
 `static` splats; `rate` and `quantizer_choice` choose numbers of splats and quantisers. `writing` takes splats that
-somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit. `side_by_side` has
-`groups` of pictures encoded by an executor, such as `Processes` of this machine or a `cluster`, which makes each
-`cluster_task`. `resume` keeps a `kept_group` of each, and goes on from them. `settings` and `effects` say what is asked
-for, `log` what was decided. `source_and_target` opens both ends.
+somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit. `settings` and
+`effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects

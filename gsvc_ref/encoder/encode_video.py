@@ -1,14 +1,16 @@
-"""The door of the encoder: `encode` looks at what it is asked for, and encodes once, or as often as a goal takes."""
+"""`gsvc_ref.encode`: a video through the loop into a recording; what is more than that goes to gsvc_tools."""
 
 from concurrent.futures import Executor
 from pathlib import Path
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.encoder.encode_once import encode_once
+from gsvc_ref import plugins
+from gsvc_ref.encoder.loop import encode_frames
+from gsvc_ref.encoder.recording import Recording, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.encoder.source_and_target import Source, Target, same_file
-from gsvc_ref.processes import check_jobs
+from gsvc_ref.encoder.setup import EncodeSetup
+from gsvc_ref.encoder.source_and_target import Source, Target, opened_source, same_file
 from gsvc_ref.video.format import FrameRate
 
 
@@ -55,7 +57,7 @@ def encode(
         groups for each and one more.
     executor
         Encodes the groups in place of these processes, `jobs` at the same time: any Executor whose workers can import
-        gsvc_ref, such as that of a cluster (`gsvc_ref.encoder.cluster`). It stays open.
+        gsvc_ref, such as that of a cluster (`gsvc_tools.jobs.cluster`). It stays open.
     resume
         A folder in which each group of pictures is kept as soon as it is done, and from which those are taken that an
         earlier encode has kept there. The bytes are those of an encode that nothing has ended. The folder is removed
@@ -89,13 +91,20 @@ def encode(
     chosen = Settings.quick() if settings is None else settings
     if not isinstance(chosen, Settings):
         raise UsageError(f"settings is a {type(settings).__name__}; give Settings.quick(...), slow or paper")
-    check_jobs(jobs)
     if same_file(source, target):
         raise UsageError(f"{target} is the source itself; give the stream another name")
-    if chosen.goal is not None:
-        from gsvc_ref.encoder.targets import encode_to_goal  # which few encodes need
+    if type(jobs) is not int or jobs != 1 or executor is not None or resume is not None or chosen.goal is not None:
+        report: EncodeReport = plugins.encoder()(
+            source, target, chosen, frame_rate=frame_rate, live=live, jobs=jobs, executor=executor, resume=resume,
+            progress=progress,
+        )  # fmt: skip
+        return report
+    with opened_source(source, frame_rate) as reader:
+        setup = EncodeSetup(reader, chosen, progress, live=live)
 
-        if resume is not None:
-            raise UsageError(f"{chosen.goal} takes several passes, with which resume cannot go on: drop one of the two")
-        return encode_to_goal(source, target, chosen, frame_rate, jobs, executor, progress, live=live)
-    return encode_once(source, target, chosen, frame_rate, jobs, executor, progress, live=live, resume=resume)
+        def encode_all(recording: Recording) -> None:
+            for encoded in encode_frames(setup.frames(), setup.coder, setup.progress.watch):
+                recording.put(encoded)
+            setup.check_end(recording)
+
+        return record(target, setup.plan, encode_all)

@@ -91,7 +91,7 @@ class Settings:
         Constant quality: the least PSNR in dB of each decoded frame; None: constant rate.
     bitrate, size
         Bits per second of the whole stream, or its bytes, which `encode` comes to within 3 % of by encoding at least
-        twice (`gsvc_ref.encoder.targets`); `splats` is then the most of a frame. None: the size is what comes out.
+        twice (`gsvc_tools.targets.targets`); `splats` is then the most of a frame. None: the size is what comes out.
     mean_psnr, vmaf
         The mean PSNR in dB of all frames, or their mean VMAF, which is reached with as few splats as are found to do,
         by encoding several times. None: the same.

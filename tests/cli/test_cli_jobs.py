@@ -16,7 +16,7 @@ from cli.test_cli_killed import START, TIMEOUT_S, Encoder, encoder
 
 import gsvc_ref
 from gsvc_ref.cli import main
-from gsvc_ref.processes import Processes
+from gsvc_tools.jobs.processes import Processes
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes as Linux tells them")
 

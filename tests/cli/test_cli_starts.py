@@ -17,7 +17,7 @@ print(status, json.dumps(sorted(sys.modules)), file=sys.stderr)
 """
 
 COMMANDS = {
-    "info": ("gsvc_ref.cli", ["info", "IN", "--frames-table", "--decisions"]),
+    "info": ("gsvc_ref.cli", ["info", "IN", "--frames-table"]),
     "dump": ("gsvc_ref.cli", ["dump", "IN"]),
     "cut": ("gsvc_ref.cli", ["cut", "IN", "OUT", "--frames", "0:1"]),
     "concat": ("gsvc_ref.cli", ["concat", "IN", "IN", "-o", "OUT"]),

@@ -101,7 +101,7 @@ def run(arguments: Namespace) -> int:
         No stream has what is asked for, or the folder is not empty.
     """
     from gsvc_conformance.streams import write_streams
-    from gsvc_ref.cli.where import opened_workers
+    from gsvc_tools.cli.where import opened_workers
 
     wishes = wishes_of(arguments)
     with ProgressDisplay(quiet=arguments.quiet) as display, opened_workers(arguments.scheduler) as executor:

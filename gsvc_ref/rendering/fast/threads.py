@@ -11,7 +11,7 @@ from contextlib import suppress
 from typing import Any
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.processes import processors
+from gsvc_base.processors import processors
 
 _pool: ThreadPoolExecutor | None = None
 

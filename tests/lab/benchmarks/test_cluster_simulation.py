@@ -3,7 +3,7 @@
 import pytest
 
 from gsvc_lab.benchmarks.cluster import Measuring, Task, simulated, table
-from gsvc_ref.encoder.side_by_side import GROUPS_AHEAD
+from gsvc_tools.jobs.side_by_side import GROUPS_AHEAD
 
 FREE = 1e15
 """A link that takes no time."""

@@ -12,7 +12,7 @@ from gsvc_lab.experiments import command, elsewhere, results
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.markdown import anchor, document, write_document
 from gsvc_lab.experiments.page import page
-from gsvc_ref.encoder import cluster as clusters
+from gsvc_tools.jobs import cluster as clusters
 
 RESULT = Result(
     "Measured on <nothing>.",

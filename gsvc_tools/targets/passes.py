@@ -12,13 +12,13 @@ from typing import IO, cast
 from gsvc_base.errors import UsageError
 from gsvc_base.files import opened_output
 from gsvc_base.portable import log2, power
-from gsvc_ref.encoder.encode_once import encode_once
 from gsvc_ref.encoder.report import EncodeReport, IncompleteEncodeError, OnProgress, Progress
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
 from gsvc_ref.encoder.setup import CoderMaker, coder_of
 from gsvc_ref.encoder.source_and_target import Target
 from gsvc_ref.metrics.libvmaf import MIN_SIDE
 from gsvc_ref.video import VideoReader
+from gsvc_tools.jobs.encode_once import encode_once
 
 
 class Passes:

@@ -23,8 +23,8 @@ from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.loop import GroupCoder, silent
-from gsvc_ref.encoder.resume import GroupInWork
 from gsvc_ref.paper import FrameType
+from gsvc_tools.jobs.resume import GroupInWork
 
 RUN_S: Final = 0.5
 """Seconds that a run is meant to take, by the pace of the run before it in its group; the first run has one frame.

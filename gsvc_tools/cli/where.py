@@ -6,15 +6,23 @@ from concurrent.futures import Executor
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 
+from gsvc_base.cli.arguments import whole
 from gsvc_base.errors import UsageError
 from gsvc_base.interrupts import Interrupts
+from gsvc_base.processors import processors
 from gsvc_ref.cli.files import STDIO
-from gsvc_ref.processes import MOST_JOBS, Processes, check_jobs, processors
+from gsvc_tools.jobs.processes import MOST_JOBS, Processes, check_jobs
 
 
 def add_where_options(parser: ArgumentParser) -> None:
     """Add the options."""
-    where = parser.add_argument_group("many machines, long encodes")
+    where = parser.add_argument_group("jobs, many machines, long encodes")
+    where.add_argument(
+        "--jobs", type=whole, metavar="J",
+        help="groups of pictures to encode at the same time, each in a process with one thread; the file does not "
+        "depend on it. Default 1: a clip without cuts has one group (but --key-frames K makes more), and each "
+        "process needs memory",
+    )  # fmt: skip
     where.add_argument(
         "--scheduler", metavar="tcp://HOST:8786",
         help="encode groups of pictures on the workers of this scheduler of dask (extra cluster; docs/cluster.md); the "
@@ -26,6 +34,10 @@ def add_where_options(parser: ArgumentParser) -> None:
         help="keep each group of pictures that is done in the folder OUT.gsvc.resume, and go on from those that are "
         "there: whatever ends the encode, the same command with the same source goes on. The folder goes when the file "
         "is complete",
+    )  # fmt: skip
+    where.add_argument(
+        "--dry-run", action="store_true",
+        help="write nothing: encode some frames, and say what time, size and quality the whole is likely to take",
     )  # fmt: skip
 
 
@@ -55,7 +67,7 @@ def opened_workers(scheduler: str | None) -> AbstractContextManager[Executor | N
     """
     if scheduler is None:
         return nullcontext()
-    from gsvc_ref.encoder.cluster import opened_cluster
+    from gsvc_tools.jobs.cluster import opened_cluster
 
     return opened_cluster(scheduler)
 
@@ -76,7 +88,7 @@ def started_processes(arguments: Namespace) -> Iterator[Processes | None]:
         yield None
         return
     check_jobs(jobs)
-    processes = Processes(jobs, preload="gsvc_ref.encoder")
+    processes = Processes(jobs, preload="gsvc_tools.jobs.groups")
     try:
         with Interrupts(patient=True) as interrupts:
             interrupts.held = True
@@ -118,7 +130,7 @@ def opened_executor(arguments: Namespace, processes: Processes | None) -> Iterat
             if processes is not None:
                 _end(processes)
         return
-    from gsvc_ref.encoder.cluster import opened_cluster
+    from gsvc_tools.jobs.cluster import opened_cluster
 
     with opened_cluster(arguments.scheduler) as cluster:
         yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsvc_ref.encoder.curves import (
+from gsvc_tools.targets.curves import (
     LIMITS,
     SPREAD,
     USUAL,

@@ -18,12 +18,12 @@ from typing import Final, NamedTuple, Self
 from gsvc_base.arrays import Frame
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
-from gsvc_ref.encoder.groups import EncodedRun, Group, encode_run
 from gsvc_ref.encoder.loop import GroupCoder, described
 from gsvc_ref.encoder.recording import Recording
-from gsvc_ref.encoder.resume import Keeper
 from gsvc_ref.encoder.setup import EncodeSetup
-from gsvc_ref.processes import Processes
+from gsvc_tools.jobs.groups import EncodedRun, Group, encode_run
+from gsvc_tools.jobs.processes import Processes
+from gsvc_tools.jobs.resume import Keeper
 
 GROUPS_AHEAD: Final = 2
 """For each job so many groups, and one more, may have been read and not yet written."""
@@ -113,7 +113,7 @@ class SideBySide:
     ) -> None:
         self._ours: Processes | None = None
         if executor is None:
-            executor = self._ours = Processes(jobs, preload="gsvc_ref.encoder")
+            executor = self._ours = Processes(jobs, preload="gsvc_tools.jobs.groups")
         self._inbox: SimpleQueue[TypedFrame[Frame] | Group | _Word] = SimpleQueue()
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress

@@ -12,16 +12,16 @@ from gsvc_ref.cli.files import describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
-    from gsvc_ref.encoder.trial import Estimate, Range
     from gsvc_ref.video import Resampled
+    from gsvc_tools.targets.trial import Estimate, Range
 
 GSVC_DRY_RUN: Final = "gsvc encode"
 
 
 def dry_run(arguments: Namespace, source: "Resampled", settings: "Settings") -> int:
     """Say what an encode is likely to take, and write nothing; 0."""
-    from gsvc_ref.encoder.trial import estimate
-    from gsvc_ref.processes import check_jobs
+    from gsvc_tools.jobs.processes import check_jobs
+    from gsvc_tools.targets.trial import estimate
 
     jobs = 1 if arguments.jobs is None else arguments.jobs
     check_jobs(jobs)

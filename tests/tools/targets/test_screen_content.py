@@ -7,7 +7,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from gsvc_lab.scenes import Scene
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.screen_content import GOOD, Sharpness, screen_note
+from gsvc_tools.targets.screen_content import GOOD, Sharpness, screen_note
 
 WORDS = "the splats of a video are sums and every frame has bits to spend on them again "
 

@@ -19,15 +19,15 @@ from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import complete_file, remove_leftover, try_lock
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.code_version import code_version
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
-from gsvc_ref.encoder.kept_group import GroupWriter, KeptGroup
 from gsvc_ref.encoder.loop import GroupCoder, described, encode_frame
 from gsvc_ref.encoder.recording import NothingSavedError
 from gsvc_ref.encoder.report import ProgressReporter
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.video import VideoFormat
+from gsvc_tools.jobs.code_version import code_version
+from gsvc_tools.jobs.kept_group import GroupWriter, KeptGroup
 
 ABOUT: Final = "encode.json"
 """The file that says which encode a folder is of."""

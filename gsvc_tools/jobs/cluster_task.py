@@ -2,7 +2,7 @@
 
 import pickle
 
-from gsvc_ref.code_version import code_version
+from gsvc_tools.jobs.code_version import code_version
 
 
 class OtherCodeError(Exception):

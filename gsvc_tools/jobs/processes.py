@@ -37,11 +37,6 @@ LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGH
 """Signals that the processes do not take; not every system has SIGHUP."""
 
 
-def processors() -> int:
-    """The number of processors that this process may run on."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def check_jobs(jobs: int) -> None:
     """Refuse a number of jobs that is not in 1..MOST_JOBS with a UsageError."""
     if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:

@@ -13,18 +13,19 @@ from errno import ENOSPC
 import numpy as np
 import pytest
 from codec_cases import encoded, fast, paper_fast, paper_quick, video_format, waves
-from encoder.test_killed import in_child
-from encoder.test_side_by_side import Here, without_times
+from tools.jobs.test_killed import in_child
+from tools.jobs.test_side_by_side import Here, without_times
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import complete_file
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.code_version import code_version
-from gsvc_ref.encoder import IncompleteEncodeError, encode, recording, resume
-from gsvc_ref.encoder.groups import encode_run
-from gsvc_ref.encoder.kept_group import OURS, KeptGroup
+from gsvc_ref.encoder import IncompleteEncodeError, encode, recording
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter, decode
+from gsvc_tools.jobs import resume
+from gsvc_tools.jobs.code_version import code_version
+from gsvc_tools.jobs.groups import encode_run
+from gsvc_tools.jobs.kept_group import OURS, KeptGroup
 
 SMALL = video_format(24, 16)
 CLIP = waves(24, 16, 9, cut=5)

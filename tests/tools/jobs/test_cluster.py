@@ -10,12 +10,12 @@ import pytest
 from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.code_version import code_version
-from gsvc_ref.encoder import cluster as clusters
 from gsvc_ref.encoder import encode
-from gsvc_ref.encoder.cluster import Cluster, ClusterError, check_answers, opened_cluster
-from gsvc_ref.encoder.cluster_task import OtherCodeError, call
-from gsvc_ref.encoder.groups import EncodedRun, encode_run
+from gsvc_tools.jobs import cluster as clusters
+from gsvc_tools.jobs.cluster import Cluster, ClusterError, check_answers, opened_cluster
+from gsvc_tools.jobs.cluster_task import OtherCodeError, call
+from gsvc_tools.jobs.code_version import code_version
+from gsvc_tools.jobs.groups import EncodedRun, encode_run
 
 distributed = pytest.importorskip("distributed")
 

@@ -21,8 +21,8 @@ from queue import SimpleQueue
 from typing import Any, Final, ParamSpec, TypeVar
 
 from gsvc_base.errors import UsageError
-from gsvc_ref.code_version import code_version
-from gsvc_ref.encoder.cluster_task import OtherCodeError, call, worker_code
+from gsvc_tools.jobs.cluster_task import OtherCodeError, call, worker_code
+from gsvc_tools.jobs.code_version import code_version
 
 P = ParamSpec("P")
 R = TypeVar("R")

@@ -6,22 +6,22 @@ from pathlib import Path
 from typing import Final
 
 import gsvc_base
-from gsvc_ref import __version__
+import gsvc_ref
+import gsvc_tools
 
-SOURCES: Final = Path(__file__).resolve().parent
-BASE: Final = Path(gsvc_base.__file__).resolve().parent
+PACKAGES: Final = tuple(Path(str(package.__file__)).resolve().parent for package in (gsvc_base, gsvc_ref, gsvc_tools))
 
-BESIDE_ENCODING: Final = ("cli", "exact", "pages", "testing")
-"""Folders of gsvc_ref and gsvc_base that no encode depends on."""
+BESIDE_ENCODING: Final = ("cli", "editing", "exact", "pages", "splat_files", "testing", "viewing")
+"""Folders of these packages that no encode depends on."""
 
 
 @cache
 def code_version() -> str:
     """The version with a digest of all sources that count, since those of a checkout change under the same number."""
     digest = sha256()
-    for package in (SOURCES, BASE):
+    for package in PACKAGES:
         for path in sorted(package.rglob("*.py")):
             inside = path.relative_to(package)
             if inside.parts[0] not in BESIDE_ENCODING:
                 digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
-    return f"{__version__} {digest.hexdigest()[:12]}"
+    return f"{gsvc_ref.__version__} {digest.hexdigest()[:12]}"

@@ -8,10 +8,11 @@ import pytest
 from codec_cases import fast, paper_fast, video_format, waves
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode, targets
-from gsvc_ref.encoder.targets import NEAR_TARGET
+from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode
 from gsvc_ref.metrics import libvmaf
 from gsvc_ref.stream import decode
+from gsvc_tools.targets import targets
+from gsvc_tools.targets.targets import NEAR_TARGET
 
 CLIP = waves(32, 24, 6, cut=3)
 FORMAT = video_format(frame_count=6)
@@ -150,10 +151,10 @@ def test_what_cannot_be_done_is_refused_before_any_work(monkeypatch, tmp_path):
         to_goal(fast(size=1000), live=True, target=tmp_path / "live.gsvc")
     with pytest.raises(UsageError, match="splats are more than"):
         to_goal(fast(size=1000, splats=5000))
-    monkeypatch.setattr("gsvc_ref.encoder.targets.ffmpeg_with_libvmaf", lambda: (None, "there is no ffmpeg"))
+    monkeypatch.setattr("gsvc_tools.targets.targets.ffmpeg_with_libvmaf", lambda: (None, "there is no ffmpeg"))
     with pytest.raises(UsageError, match="a VMAF cannot be held: there is no ffmpeg"):
         to_goal(fast(vmaf=90.0))
-    monkeypatch.setattr("gsvc_ref.encoder.targets.ffmpeg_with_libvmaf", lambda: ("ffmpeg", None))
+    monkeypatch.setattr("gsvc_tools.targets.targets.ffmpeg_with_libvmaf", lambda: ("ffmpeg", None))
     assert libvmaf.MIN_SIDE > 24
     with pytest.raises(UsageError, match="at least"):
         to_goal(fast(vmaf=90.0))

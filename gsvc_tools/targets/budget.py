@@ -15,7 +15,6 @@ from gsvc_base.errors import GsvcError
 from gsvc_base.portable import log2, power, total
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
-from gsvc_ref.encoder.curves import USUAL
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.loop import GroupCoder
@@ -27,6 +26,7 @@ from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.stream.profiles import AnyState, profile_of
 from gsvc_ref.video import VideoFormat
+from gsvc_tools.targets.curves import USUAL
 
 CLOSE_SIZE: Final = 0.005
 """A group may take this part more or less than is planned."""

@@ -4,9 +4,9 @@ import pytest
 from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 
 from gsvc_base.errors import GsvcError
-from gsvc_ref.encoder import trial
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.encoder.trial import PLACES, TRIED_FRAMES, estimate
+from gsvc_tools.targets import trial
+from gsvc_tools.targets.trial import PLACES, TRIED_FRAMES, estimate
 
 CLIP = waves(32, 24, 15)
 

@@ -5,11 +5,11 @@ from typing import IO, Final
 
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log2
-from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
-from gsvc_ref.encoder.reading_again import Chosen
 from gsvc_ref.encoder.report import EncodeReport
 from gsvc_ref.metrics.libvmaf import vmaf
 from gsvc_ref.stream import decode
+from gsvc_tools.targets.passes import Passes, splats_of, temporary_files
+from gsvc_tools.targets.reading_again import Chosen
 
 MEASURES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
 """Measures of quality as people call them."""

@@ -6,12 +6,12 @@ from pathlib import Path
 from gsvc_ref.encoder.loop import encode_frames
 from gsvc_ref.encoder.recording import Recording, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress
-from gsvc_ref.encoder.resume import encode_kept, opened_keeper
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import CoderMaker, EncodeSetup, coder_of, missed_quality
-from gsvc_ref.encoder.side_by_side import encode_side_by_side
 from gsvc_ref.encoder.source_and_target import Source, Target, opened_source
 from gsvc_ref.video.format import FrameRate
+from gsvc_tools.jobs.resume import encode_kept, opened_keeper
+from gsvc_tools.jobs.side_by_side import encode_side_by_side
 
 
 def encode_once(

@@ -19,17 +19,17 @@ from typing import IO, Final
 
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log2, power, total
-from gsvc_ref.encoder.budget import GroupPlan, planned_coder
-from gsvc_ref.encoder.curves import FrameCost, GroupCurve, equal_slope
-from gsvc_ref.encoder.mean_quality import to_quality
-from gsvc_ref.encoder.passes import Passes, splats_of, temporary_files
-from gsvc_ref.encoder.reading_again import Chosen, readable_again
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, OnProgress
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import frame_count_of
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
 from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
 from gsvc_ref.video.format import FrameRate
+from gsvc_tools.targets.budget import GroupPlan, planned_coder
+from gsvc_tools.targets.curves import FrameCost, GroupCurve, equal_slope
+from gsvc_tools.targets.mean_quality import to_quality
+from gsvc_tools.targets.passes import Passes, splats_of, temporary_files
+from gsvc_tools.targets.reading_again import Chosen, readable_again
 
 NEAR_TARGET: Final = 0.03
 """A stream that is as near to its goal, in parts of it, is left as it is."""

@@ -9,10 +9,10 @@ from codec_cases import same, video_format, waves
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_lab.scenes import Scene
-from gsvc_ref.encoder import reading_again
-from gsvc_ref.encoder.reading_again import Chosen, can_be_read_again, readable_again
 from gsvc_ref.encoder.source_and_target import FrameSource
 from gsvc_ref.video import open_writer
+from gsvc_tools.targets import reading_again
+from gsvc_tools.targets.reading_again import Chosen, can_be_read_again, readable_again
 
 CLIP = waves(8, 6, 5)
 FORMAT = video_format(8, 6)

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from gsvc_ref.processes import DeadProcessError, Processes
+from gsvc_tools.jobs.processes import DeadProcessError, Processes
 
 WAIT_S = 120
 

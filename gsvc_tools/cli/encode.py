@@ -1,0 +1,87 @@
+"""``gsvc encode`` with all of its options: in several jobs, on many machines, to be resumed, or as a dry run."""
+
+from argparse import Namespace
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from gsvc_base.errors import UsageError
+from gsvc_ref.cli import encode as plain
+from gsvc_ref.cli.encode_options import make_settings
+from gsvc_ref.cli.encode_text import is_one_group
+from gsvc_ref.cli.files import check_input, check_output, check_stream_name
+from gsvc_tools.cli.where import add_where_options, opened_executor, resume_folder, started_processes
+
+if TYPE_CHECKING:
+    from gsvc_ref import Settings
+    from gsvc_ref.encoder import EncodeReport
+    from gsvc_ref.video import VideoReader
+
+RESUME: Final = "; the same command goes on from the groups of pictures that are complete"
+"""What is said of an interrupted encode with ``--resume``."""
+
+
+def add_command(commands: Any) -> None:
+    """Add the command to the subparsers of ``gsvc``."""
+    parser = plain.add_command(commands)
+    parser.set_defaults(run=run)
+    add_where_options(parser)
+
+
+def run(arguments: Namespace) -> int:
+    """Encode, or estimate what that takes; 0, or 130 when it was interrupted."""
+    if arguments.dry_run:
+        return plain.unless_interrupted(lambda: _estimate(arguments))
+    if arguments.output is None:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
+    plain.check_names(arguments)
+    return plain.unless_interrupted(lambda: _encode(arguments))
+
+
+def _estimate(arguments: Namespace) -> int:
+    from gsvc_tools.cli.dry_run import dry_run
+
+    check_input(arguments.input, folder_allowed=True)
+    if arguments.output is not None:
+        check_output(arguments.output, arguments.input)
+        check_stream_name(arguments.output, force=arguments.force)
+    return dry_run(arguments, plain.opened_again(arguments), make_settings(arguments))
+
+
+def _encode(arguments: Namespace) -> int:
+    folder = resume_folder(arguments)
+    with (
+        started_processes(arguments) as processes,  # they load while this process does
+        opened_executor(arguments, processes) as (jobs, executor),
+    ):
+        return plain.encode_file(arguments, _extras(arguments, jobs, executor, folder))
+
+
+def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: Path | None) -> plain.Extras:
+    from gsvc_tools.targets.reading_again import can_be_read_again
+    from gsvc_tools.targets.screen_content import screen_note
+
+    is_readable_again = can_be_read_again(arguments.input)
+
+    def look(reader: "VideoReader", settings: "Settings") -> None:
+        """Note what is to be expected of the pictures, by the first one."""
+        if not is_readable_again or settings.frames[0] > 0 or (first := reader.peek()) is None:
+            return
+        if (note := screen_note(first, reader.format.peak, settings)) is not None:
+            reader.note(note)
+
+    return plain.Extras(
+        options={"jobs": jobs, "executor": executor, "resume": folder},
+        opens_again=lambda settings: settings.goal is not None and is_readable_again,
+        look=look,
+        notes=lambda report: _notes(report, jobs, folder),
+        advice=lambda: RESUME if folder is not None and folder.exists() else "",
+    )
+
+
+def _notes(report: "EncodeReport", jobs: int, folder: Path | None) -> list[str]:
+    """A sentence where a single group of pictures leaves jobs without work, or nothing to resume from."""
+    if (jobs == 1 and folder is None) or report.interrupted or not is_one_group(report):
+        return []
+    effect = "one process was at work" if jobs > 1 else "none was kept before the end"
+    return [f"one group of pictures, so {effect}; --key-frames K makes more"]
