@@ -26,28 +26,15 @@ test: .venv/.ready-$(EXTRAS)            ## run the tests, in 7 minutes on two co
 test-all: .venv/.ready-$(EXTRAS)            ## run all tests, also those that take long
 	$(BIN)/python -m pytest $(WORKERS)
 
-# Left out is what no version of a package matters for: pages in a browser, documents and sources that are read; what parses without NumPy
-# for long; processes, signals and pipes, which are those of the standard library; how the kit calls a decoder and tells
-# causes; and adapters of PyTorch, of which one version is allowed.
-UNVERSIONED = --ignore tests/viewer --ignore tests/tools/viewing --ignore tests/kaitai --ignore tests/lab/site --ignore tests/lab/pages \
-	--ignore-glob 'tests/adapters/test_web_*' --ignore tests/conformance/test_page_in_browser.py \
-	--ignore tests/supply_chain/test_sources.py --ignore tests/test_arrows.py --ignore tests/test_links.py --ignore tests/test_tour.py \
-	--ignore tests/test_portable_sources.py --ignore tests/hostile/test_syntax_elements.py \
-	--ignore tests/cli/test_cli_jobs.py --ignore tests/cli/test_cli_killed.py --ignore tests/cli/test_cli_ended.py \
-	--ignore tests/tools/jobs/test_side_by_side.py --ignore tests/tools/jobs/test_resume.py --ignore tests/tools/jobs/test_killed.py \
-	--ignore tests/conformance/test_asked_again.py --ignore tests/conformance/test_server.py --ignore tests/conformance/test_process.py \
-	--ignore tests/conformance/test_supervision.py --ignore tests/conformance/test_implementations.py \
-	--ignore tests/conformance/test_diagnosis.py --ignore tests/conformance/test_generic_looks.py \
-	--ignore tests/adapters/test_pytorch.py --ignore tests/adapters/test_gsplat_cuda.py
-
 .venv-lowest/.ready-%: pyproject.toml conformance/pyproject.toml tests/supply_chain/lowest.txt
 	@test -x .venv-lowest/bin/python || $(PYTHON) -m venv .venv-lowest
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
 		--constraint tests/supply_chain/lowest.txt --editable '.[$*]' --editable ./conformance
 	@touch $@
 
-lowest: .venv-lowest/.ready-$(EXTRAS)            ## run the tests with the lowest version of each package that is allowed, in .venv-lowest
-	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive' $(UNVERSIONED)
+lowest: .venv-lowest/.ready-$(EXTRAS)            ## judge vectors and run tests of kernels with the lowest version of each package, in .venv-lowest
+	.venv-lowest/bin/gsvc-conformance run --reference --quiet --show 3
+	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive' --versions
 
 vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (nine minutes on two cores, and two for setting up)
 	$(BIN)/gsvc-conformance generate

@@ -8,22 +8,22 @@ package offers, by the functions here:
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
 - `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
+- `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`;
 - `set_page_writer`: the page of ``gsvc encode --report``.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
 commands and names are registered with the name of a module, which is imported when it is used.
+
+All rooms import this module, so it imports none of them, and their types are Any here.
 """
 
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
+from fractions import Fraction
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO, Final, NamedTuple, Protocol, cast
-
-if TYPE_CHECKING:
-    from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video.format import VideoFormat
-    from gsvc_ref.video.stream import Extras, VideoReader, VideoWriter
+from typing import Any, BinaryIO, Final, NamedTuple, Protocol, cast
 
 GROUP: Final = "gsvc_ref.plugins"
 
@@ -35,8 +35,8 @@ class NamedSource(NamedTuple):
     """What the name of a built-in one begins with, such as ``scene:``."""
     suffix: str
     """What the name of a file ends with that describes one, such as ``.toml``."""
-    open: Callable[[str], "VideoReader"]
-    """A new reader by such a name."""
+    open: Callable[[str], Any]
+    """A new `VideoReader` by such a name."""
 
 
 class Target(NamedTuple):
@@ -46,15 +46,22 @@ class Target(NamedTuple):
     """In lower case, such as ``.mp4``."""
     takes_sound: bool
     """Whether `Extras.audio_from` is copied into such a file."""
-    open: Callable[[Path, "VideoFormat", "Extras"], "VideoWriter"]
-    """A new writer of such a file."""
+    open: Callable[[Path, Any, Any], Any]
+    """A new `VideoWriter` of such a file, given its `VideoFormat` and its `Extras`."""
 
 
 class FileReader(Protocol):
     """Opens a video file that gsvc_ref cannot read."""
 
-    def __call__(self, file: Path | BinaryIO, name: str) -> "VideoReader":
-        """A new reader of a file that messages call `name`."""
+    def __call__(self, file: Path | BinaryIO, name: str) -> Any:
+        """A new `VideoReader` of a file that messages call `name`."""
+
+
+class MakeVmafMeter(Protocol):
+    """Makes a meter of VMAF."""
+
+    def __call__(self, peak: int, frame_rate: Fraction) -> AbstractContextManager[Any]:
+        """A new `VmafMeter` for frames whose largest sample value is `peak`."""
 
 
 class PageWriter(Protocol):
@@ -66,12 +73,15 @@ class PageWriter(Protocol):
         source: str | None,
         start: int,
         page: str,
-        encoded: "EncodeReport",
+        encoded: Any,
         command: str,
         *,
         quiet: bool,
     ) -> None:
-        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again)."""
+        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again).
+
+        `encoded` is the `EncodeReport`.
+        """
 
 
 _commands: Final[dict[str, str]] = {}
@@ -80,6 +90,7 @@ _sources: Final[list[NamedSource]] = []
 _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
+_vmaf_meters: Final[list[str]] = []
 _page_writers: Final[list[PageWriter]] = []
 
 
@@ -115,6 +126,11 @@ def add_target(target: Target) -> None:
 def set_encoder(module: str) -> None:
     """Let `gsvc_ref.encode` hand over what it does not do itself to the function ``encode`` of a module."""
     _encoders.append(module)
+
+
+def set_vmaf_meter(module: str) -> None:
+    """Let `gsvc_ref.metrics.compare_frames` score VMAF by the class ``VmafMeter`` of a module."""
+    _vmaf_meters.append(module)
 
 
 def set_page_writer(write: PageWriter) -> None:
@@ -185,6 +201,12 @@ def encoder() -> Callable[..., Any]:
             "which comes with gsvc_ref: pip install ."
         )
     return cast("Callable[..., Any]", import_module(_encoders[-1]).encode)
+
+
+def vmaf_meter() -> MakeVmafMeter | None:
+    """The meter of the module that was given to `set_vmaf_meter` last, or None."""
+    _load()
+    return cast("MakeVmafMeter", import_module(_vmaf_meters[-1]).VmafMeter) if _vmaf_meters else None
 
 
 def page_writer() -> PageWriter | None:

@@ -3,9 +3,10 @@
 gsvc_ref has what a decoder, the paper's training, or one readable encoder needs. What people want beside that stands
 here: `editing` joins and cuts streams, `splat_files` has splats in files of other formats, `viewing` is the server of
 ``gsvc view``, `video` reads and writes video files beyond y4m and pictures, `jobs` encodes on many processors, and so
-that an encode can be resumed, and `targets` encodes to a bit rate, a size or a mean quality. With gsvc_tools
-installed, gsvc_ref has the functions ``concat`` and ``cut``, its ``encode`` takes jobs, resume and targets, and
-``gsvc`` has the commands ``view``, ``concat``, ``cut``, ``import`` and ``export`` and all options of ``encode``.
+that an encode can be resumed, `targets` encodes to a bit rate, a size or a mean quality, and `libvmaf` measures VMAF.
+With gsvc_tools installed, gsvc_ref has the functions ``concat`` and ``cut``, its ``encode`` takes jobs, resume and
+targets, and ``gsvc`` has the commands ``view``, ``concat``, ``cut``, ``import`` and ``export`` and all options of
+``encode``.
 
 This module registers all of it through `gsvc_ref.plugins`. gsvc_tools imports gsvc_ref, and gsvc_ref nothing from here.
 """
@@ -20,6 +21,7 @@ _plugins.set_file_reader(_open_file)
 for _target in _TARGETS:
     _plugins.add_target(_target)
 
+_plugins.set_vmaf_meter("gsvc_tools.libvmaf")
 _plugins.set_encoder("gsvc_tools.encode_video")
 
 _plugins.add_command("encode", "gsvc_tools.cli.encode")

@@ -1,4 +1,11 @@
-"""Hypothesis profiles: `quick` for every day and CI, `long` on demand (`pytest --hypothesis-profile=long`)."""
+"""Hypothesis profiles: `quick` for every day and CI, `long` on demand (`pytest --hypothesis-profile=long`).
+
+`pytest --versions` runs only what a version of a package may change.
+"""
+
+import re
+from functools import cache
+from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
@@ -10,3 +17,43 @@ settings.register_profile(
 )  # fmt: skip
 settings.register_profile("long", settings.get_profile("quick"), derandomize=False, max_examples=2000)
 settings.load_profile("quick")
+
+TESTS = Path(__file__).parent
+NAMES = {"pillow": "PIL", "pyyaml": "yaml", "scikit-image": "skimage", "fluster-conformance": "fluster"}
+"""Of packages that are imported under another name."""
+EVERYWHERE = {"numpy", "hypothesis", "pytest", "pytest-xdist"}
+"""What most tests import."""
+IMPORT = re.compile(r"^ *(?:from|import|.*importorskip\(\")\W*(\w+)", re.MULTILINE)
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--versions", action="store_true",
+        help="only tests of rooms of gsvc_ref with many kernels, and those that import a package with a lowest version",
+    )  # fmt: skip
+
+
+def pytest_ignore_collect(collection_path, config):
+    if (
+        config.getoption("--versions")
+        and collection_path.match("test_*.py")
+        and not depends_on_versions(collection_path)
+    ):
+        return True
+    return None
+
+
+def depends_on_versions(path):
+    room = TESTS.parent / "gsvc_ref" / path.parent.relative_to(TESTS)
+    sources = [source.read_text("utf-8") for source in room.glob("*.py")] if path.parent != TESTS else []
+    if 10 * sum("gsvc_ref._jit" in source for source in sources) > len(sources):
+        return True
+    return not packages().isdisjoint(IMPORT.findall(path.read_text("utf-8")))
+
+
+@cache
+def packages():
+    """The packages whose lowest versions are tested, by the names under which they are imported."""
+    lines = (TESTS / "supply_chain" / "lowest.txt").read_text("utf-8").splitlines()
+    given = {line.partition("==")[0] for line in lines if not line.startswith("#")} - EVERYWHERE
+    return {NAMES.get(name, name.replace("-", "_")) for name in given}

@@ -1,4 +1,4 @@
-"""Imports point one way: no circles of modules or rooms, and the codec knows nothing of what looks at it."""
+"""Imports point one way, those in functions and for types too: no circles of modules or rooms, no package above."""
 
 import ast
 from functools import cache
@@ -39,10 +39,10 @@ def is_for_types(node):
     return isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id.endswith("TYPE_CHECKING")
 
 
-def imported(tree, *, in_functions=True):
-    """Modules that code imports when it runs."""
+def imported(tree, *, when_loaded=False):
+    """Modules that code imports: when it is loaded, in functions, and for types; or only `when_loaded`."""
     for node in ast.iter_child_nodes(tree):
-        if is_for_types(node) or (isinstance(node, ast.FunctionDef) and not in_functions):
+        if when_loaded and (is_for_types(node) or isinstance(node, ast.FunctionDef)):
             continue
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -50,7 +50,7 @@ def imported(tree, *, in_functions=True):
             for alias in node.names:
                 inner = f"{node.module}.{alias.name}"
                 yield inner if inner in MODULES else node.module
-        yield from imported(node, in_functions=in_functions)
+        yield from imported(node, when_loaded=when_loaded)
 
 
 @cache
@@ -113,7 +113,7 @@ def test_what_judges_is_loaded_without_the_codec():
         (module, other)
         for module, path in MODULES.items()
         if module.startswith(("gsvc_base", "gsvc_conformance")) and module not in making
-        for other in imported(ast.parse(path.read_text(encoding="utf-8")), in_functions=False)
+        for other in imported(ast.parse(path.read_text(encoding="utf-8")), when_loaded=True)
         if other in making or other.startswith(("gsvc_ref", "gsvc_tools", "gsvc_lab"))
     ]
     assert wrong == []

@@ -1,9 +1,11 @@
 """What other packages add: named sources of video, and commands."""
 
+import re
 import subprocess
 import sys
 from fractions import Fraction
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -12,6 +14,7 @@ import pytest
 import gsvc_ref
 from gsvc_base.errors import UsageError
 from gsvc_ref import cli, plugins
+from gsvc_ref.metrics import compare_frames
 from gsvc_ref.plugins import NamedSource
 from gsvc_ref.video import open_video, open_writer
 from gsvc_ref.video.format import ColorDescription, VideoFormat
@@ -104,7 +107,7 @@ def test_the_codec_works_without_plugins(tmp_path):
 
 
 def test_names_and_files_of_a_plugin_that_is_missing(monkeypatch, tmp_path):
-    for name in ("_names", "_file_readers", "_targets"):
+    for name in ("_names", "_file_readers", "_targets", "_vmaf_meters"):
         monkeypatch.setattr(plugins, name, type(getattr(plugins, name))())
     monkeypatch.delitem(vars(gsvc_ref), "concat", raising=False)
     with pytest.raises(UsageError, match="needs gsvc_tools"):
@@ -114,10 +117,14 @@ def test_names_and_files_of_a_plugin_that_is_missing(monkeypatch, tmp_path):
         open_video(tmp_path / "clip.mkv")
     with pytest.raises(UsageError, match=r"ends in \.y4m, \.png, a folder"):
         open_writer(tmp_path / "copy.mp4", GreyReader("grey:1").format)
+    compared = compare_frames(GreyReader("grey:1"), GreyReader("grey:1"), 255, with_vmaf=True)
+    assert "VMAF needs gsvc_tools" in compared.vmaf.reason
 
 
 def test_all_that_gsvc_ref_asks_for_is_offered():
-    assert set(gsvc_ref._OFFERED) == set(plugins._names)
+    stub = Path(gsvc_ref.__file__).with_suffix(".pyi").read_text(encoding="utf-8")
+    asked = re.findall(r"^from (gsvc_tools\S*) import (\w+)", stub, re.MULTILINE)
+    assert {name: module for module, name in asked} == plugins._names
     assert set(cli.ORDER) == {*cli.MODULES, *plugins.commands()} - {"report", "bench", "accuracy", "scene", "demo"}
     for name, module in plugins._names.items():
         assert getattr(gsvc_ref, name) is getattr(import_module(module), name)

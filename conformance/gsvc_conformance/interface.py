@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from gsvc_conformance.causes import Causes
-from gsvc_conformance.commands import checked_operations
 from gsvc_conformance.implementations import collect
+from gsvc_conformance.operation import checked_operations
 from gsvc_conformance.report.console import cause_lines, result_lines
 from gsvc_conformance.results import FAULTS, Report, Result
 from gsvc_conformance.runner import Answered, Judged, judge_answer

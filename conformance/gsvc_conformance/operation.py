@@ -1,15 +1,17 @@
 """Operations: all that an implementation can be asked to do, each a function of named inputs to named outputs."""
 
 import importlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.expectations import Exact, Expectation
 from gsvc_conformance.pairs import PAIRS, answer
+from gsvc_conformance.spelling import question
 
 Values = dict[str, Any]
 """Inputs or outputs of an operation by name: arrays, int, float, bytes (streams) or str (errors)."""
@@ -183,6 +185,22 @@ def operations() -> Mapping[str, Operation]:
         importlib.import_module(f"gsvc_conformance.operations.{module}")
     places = {name: place for place, name in enumerate(PAIRS)}
     return dict(sorted(_OPERATIONS.items(), key=lambda item: places[item[0]]))
+
+
+def checked_operations(names: Iterable[str]) -> tuple[str, ...]:
+    """Names of operations.
+
+    Raises
+    ------
+    UsageError
+        One does not exist.
+    """
+    chosen = tuple(names)
+    for name in chosen:
+        if name not in operations():
+            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
+            raise UsageError(f"there is no operation {name!r}{near}")
+    return chosen
 
 
 def _ports(text: str) -> tuple[Port, ...]:

@@ -16,11 +16,11 @@ import pytest
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import Causes, Search, added
-from gsvc_conformance.commands import checked_operations, wanted_set
+from gsvc_conformance.commands import wanted_set
 from gsvc_conformance.commands.judging import environment
 from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, load_module
-from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.operation import Group, checked_operations, operations
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
 from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of, headed

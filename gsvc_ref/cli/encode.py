@@ -20,9 +20,22 @@ from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_na
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
-    from gsvc_ref.video import Resampled, VideoReader
+    from gsvc_ref.video import VideoReader, VideoSource
 
 GSVC_ENCODE: Final = "gsvc encode"
+
+
+@dataclass(frozen=True)
+class NamedInput:
+    """A source by its name, which is read from its beginning each time that it is opened."""
+
+    name: str
+
+    def open_video(self) -> "VideoReader":
+        """A new reader of its frames."""
+        from gsvc_ref.video import open_video
+
+        return open_video(self.name)
 
 
 @dataclass(frozen=True)
@@ -31,6 +44,8 @@ class Extras:
 
     Attributes
     ----------
+    source
+        Gives the source, which can be opened again and again.
     options
         Arguments of `gsvc_ref.encode`.
     opens_again
@@ -43,6 +58,7 @@ class Extras:
         Gives the end of a sentence on an interrupted encode.
     """
 
+    source: "Callable[[Namespace], VideoSource]" = lambda arguments: NamedInput(arguments.input)
     options: Mapping[str, Any] = field(default_factory=dict)
     opens_again: "Callable[[Settings], bool]" = lambda settings: False
     look: "Callable[[VideoReader, Settings], None]" = lambda reader, settings: None
@@ -97,20 +113,13 @@ def check_names(arguments: Namespace) -> None:
     check_page(arguments)
 
 
-def opened_again(arguments: Namespace) -> "Resampled":
-    """The source, resampled as the options say; each time that it is opened, it is read from its beginning."""
-    from gsvc_ref.video import Resampled, open_video
-
-    return Resampled(lambda: open_video(arguments.input), arguments.scale, arguments.fps)
-
-
 def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
     """Encode, and say what came out; 0, 1 after a fault, or 130 when it was interrupted."""
     from gsvc_ref import IncompleteEncodeError, encode
     from gsvc_ref.cli.compilation import compilation_notice
 
     settings = make_settings(arguments)
-    source = opened_again(arguments)
+    source = extras.source(arguments)
     out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
     with (

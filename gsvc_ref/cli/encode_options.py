@@ -8,10 +8,8 @@ from gsvc_base.cli.arguments import (
     amount_of_bytes,
     finite,
     frame_range,
-    frame_rate,
     key_frames,
     numbers_of,
-    scale,
     whole,
 )
 
@@ -81,13 +79,6 @@ def add_options(parser: ArgumentParser) -> None:
     rate.add_argument("--color-codewords", type=whole, metavar="B", help="profile paper: codewords of a stage, 1..1024")
     frames = parser.add_argument_group("frames")
     frames.add_argument("--frames", type=frame_range, metavar="A:B", help="encode frames A to B-1 only")
-    frames.add_argument(
-        "--scale", type=scale, metavar="F|WxH", help="resample the pictures: by a factor, as 0.5, or to 640x360"
-    )
-    frames.add_argument(
-        "--fps", type=frame_rate, metavar="R",
-        help="another frame rate, as 12.5 or 30000/1001: at each time the frame that is shown then",
-    )  # fmt: skip
     frames.add_argument(
         "--key-frames", type=key_frames, metavar="auto|K|LIST",
         help="I-frames: auto (default; at cuts), every K frames, or listed as 0,12,40",

@@ -1,7 +1,6 @@
-"""The distance of two videos: PSNR, MS-SSIM and, where ffmpeg has libvmaf, VMAF."""
+"""The distance of two videos: PSNR, MS-SSIM and, where a plug-in has a meter, VMAF."""
 
-from gsvc_ref.metrics.comparison import Comparison, FrameComparison, compare_frames
-from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter, vmaf
+from gsvc_ref.metrics.comparison import Comparison, FrameComparison, Vmaf, VmafMeter, compare_frames
 from gsvc_ref.metrics.squared_error import mse, psnr, psnr_from_mse
 from gsvc_ref.metrics.ssim import ms_ssim, ms_ssim_scales
 
@@ -16,5 +15,4 @@ __all__ = [
     "mse",
     "psnr",
     "psnr_from_mse",
-    "vmaf",
 ]

@@ -6,13 +6,35 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import zip_longest
-from typing import Any
+from typing import Any, Final, Protocol
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.metrics.libvmaf import Vmaf, VmafMeter
 from gsvc_ref.metrics.squared_error import check_pair, mse, psnr_from_mse
 from gsvc_ref.metrics.ssim import ms_ssim, ms_ssim_scales
+from gsvc_ref.plugins import vmaf_meter
+
+
+@dataclass(frozen=True)
+class Vmaf:
+    """The scores of a comparison, or why there are none.
+
+    A score is about 0..100; by the model's own making, identical frames without motion score about 97.4, not 100.
+    """
+
+    scores: tuple[float, ...] | None  # one for each frame, in order
+    mean: float | None  # arithmetic
+    reason: str | None  # why there are no scores and what to do about it
+
+
+class VmafMeter(Protocol):
+    """A meter that scores pairs of frames as they come."""
+
+    def add(self, reference: Frame, distorted: Frame) -> None:
+        """Hand over the next pair."""
+
+    def finish(self) -> Vmaf:
+        """The scores of all pairs so far, or the reason why there are none."""
 
 
 @dataclass(frozen=True)
@@ -135,6 +157,9 @@ class Comparison:
         }
 
 
+NO_METER: Final = Vmaf(None, None, "VMAF needs gsvc_tools, which comes with gsvc_ref: pip install .")
+
+
 def compare_frames(
     a: Iterable[Frame],
     b: Iterable[Frame],
@@ -157,7 +182,7 @@ def compare_frames(
     frame_rate
         Frames per second, for VMAF.
     with_vmaf
-        Also compute VMAF where an ffmpeg with libvmaf is installed.
+        Also compute VMAF, where gsvc_tools finds an ffmpeg with libvmaf.
     on_frame
         Called with every pair's scores as they are known.
 
@@ -172,7 +197,8 @@ def compare_frames(
     missing_a = missing_b = 0
     size: tuple[int, int] | None = None
     with ExitStack() as stack:
-        meter = stack.enter_context(VmafMeter(peak, frame_rate)) if with_vmaf else None
+        make_meter = vmaf_meter() if with_vmaf else None
+        meter = stack.enter_context(make_meter(peak, frame_rate)) if make_meter is not None else None
         for number, (first, second) in enumerate(zip_longest(a, b)):
             if first is None or second is None:
                 missing_a += first is None
@@ -187,7 +213,7 @@ def compare_frames(
         if size is None:
             empty = "second" if missing_b else "first" if missing_a else "first and the second"
             raise GsvcError("invalid", f"the {empty} video has no frames; there is nothing to compare")
-        scores = meter.finish() if meter is not None else None
+        scores = meter.finish() if meter is not None else NO_METER if with_vmaf else None
     height, width = size
     return Comparison(width, height, peak, tuple(frames), missing_a, missing_b, scores)
 

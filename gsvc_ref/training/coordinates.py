@@ -49,14 +49,9 @@ PER_ROOT2: Final = 1 / math.sqrt(2.0)
 PER_ROOT6: Final = 1 / math.sqrt(6.0)
 ROOT2: Final = math.sqrt(2.0)
 
-ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)
-"""|n| of a splat with l11 = l22 = 1 px and a colour of length 1."""
-
-LEAST_FACTOR: Final = 0.125
-"""Smallest l11 and l22 in pixels that a state can hold."""
-
-LEAST_ENERGY: Final = 1.5
-"""Splats with less energy than this many D have the units of one that has it."""
+ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 = 1 px and a colour of length 1
+LEAST_FACTOR: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
+LEAST_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
 
 _LN2_HIGH: Final = 0.6931471803691238
 _LN2_LOW: Final = 1.9082149292705877e-10

@@ -10,8 +10,7 @@ from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.training.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
 
-MEMORY: Final = 8
-"""Pairs of steps and changes of the gradient that are kept."""
+MEMORY: Final = 8  # pairs of steps and changes of the gradient that are kept
 
 FIRST_SCALE: Final = 0.25
 RESTART_SCALE: Final = 0.1
@@ -21,18 +20,11 @@ LEAST_SCALE: Final = 0.02
 RESTART_OCTAVES: Final = 2
 """How many times the first step of a restart is halved, after one that found no smaller error."""
 
-LEAST_CURVATURE: Final = 1e-30
-"""A pair whose product step . change is not above this says nothing of the curvature."""
-
-MOST_MOVE: Final = 0.7
-"""Longest step of a position, in standard deviations of its splat."""
-MOST_SHAPE: Final = 0.4
-"""Largest change of size, aspect and shear."""
-MOST_COLOR: Final = 0.3
-"""Largest change of a colour, of 1."""
-
-RISE: Final = 1.01
-"""A walk goes back to its best point where the error is this many times as large."""
+LEAST_CURVATURE: Final = 1e-30  # A pair whose product step . change is not above this says nothing of the curvature
+MOST_MOVE: Final = 0.7  # longest step of a position, in standard deviations of its splat
+MOST_SHAPE: Final = 0.4  # largest change of size, aspect and shear
+MOST_COLOR: Final = 0.3  # largest change of a colour, of 1
+RISE: Final = 1.01  # A walk goes back to its best point where the error is this many times as large
 
 
 class Pairs(NamedTuple):

@@ -11,9 +11,6 @@ from gsvc_ref.video.opening import open_video as open_video
 from gsvc_ref.video.opening import open_writer as open_writer
 from gsvc_ref.video.png import decode_png as decode_png
 from gsvc_ref.video.png import encode_png as encode_png
-from gsvc_ref.video.resampling import FrameRateReader as FrameRateReader
-from gsvc_ref.video.resampling import Resampled as Resampled
-from gsvc_ref.video.resampling import ScaledReader as ScaledReader
 from gsvc_ref.video.stream import VideoReader as VideoReader
 from gsvc_ref.video.stream import VideoWriter as VideoWriter
 

@@ -42,7 +42,8 @@ def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
     if source == "-":
         return y4m.Y4mReader(sys.stdin.buffer, "standard input")
     if isinstance(source, str) and (named := source_by_prefix(source)) is not None:
-        return named.open(source)
+        drawn: VideoReader = named.open(source)
+        return drawn
     if isinstance(source, str | Path):
         return _open_path(Path(source))
     if hasattr(source, "open_video"):
@@ -68,7 +69,8 @@ def _open_path(path: Path) -> VideoReader:
         raise GsvcError("malformed", f"{path} is empty; give a video file")
     suffix = path.suffix.lower()
     if (named := source_by_suffix(name)) is not None:
-        return named.open(name)
+        drawn: VideoReader = named.open(name)
+        return drawn
     if magic == Y4M_SIGNATURE or suffix == ".y4m":
         return y4m.Y4mReader(path, name)
     from gsvc_ref.video import images, png
@@ -103,7 +105,8 @@ def _open_other(file: Path | BinaryIO, name: str) -> VideoReader:
             f"{name} is neither y4m nor a picture, and other formats need gsvc_tools, which comes with gsvc_ref: "
             "pip install ."
         )
-    return open_file(file, name)
+    reader: VideoReader = open_file(file, name)
+    return reader
 
 
 def takes_sound(target: str | Path | BinaryIO) -> bool:
@@ -157,6 +160,7 @@ def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: E
     if suffix == ".png":
         return images.ImageFileWriter(path, format)
     if (found := _target_by_suffix(suffix)) is not None:
-        return found.open(path, format, extras)
+        writer: VideoWriter = found.open(path, format, extras)
+        return writer
     known = ", ".join([".y4m", ".png", *(suffix for target in targets() for suffix in target.suffixes)])
     raise UsageError(f"cannot tell what to write as {path}; give a name that ends in {known}, a folder, or - for y4m")

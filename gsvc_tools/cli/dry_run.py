@@ -12,8 +12,8 @@ from gsvc_ref.cli.files import describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
-    from gsvc_ref.video import Resampled
     from gsvc_tools.targets.trial import Estimate, Range
+    from gsvc_tools.video.resampling import Resampled
 
 GSVC_DRY_RUN: Final = "gsvc encode"
 

@@ -1,10 +1,11 @@
-"""``gsvc encode`` with all of its options: in several jobs, on many machines, to be resumed, or as a dry run."""
+"""``gsvc encode`` with all of its options: resampling, jobs, many machines, resuming, and a dry run."""
 
 from argparse import Namespace
 from concurrent.futures import Executor
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from gsvc_base.cli.arguments import frame_rate, scale
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli import encode as plain
 from gsvc_ref.cli.encode_options import make_settings
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport
     from gsvc_ref.video import VideoReader
+    from gsvc_tools.video.resampling import Resampled
 
 RESUME: Final = "; the same command goes on from the groups of pictures that are complete"
 """What is said of an interrupted encode with ``--resume``."""
@@ -25,6 +27,14 @@ def add_command(commands: Any) -> None:
     """Add the command to the subparsers of ``gsvc``."""
     parser = plain.add_command(commands)
     parser.set_defaults(run=run)
+    resampling = parser.add_argument_group("resampling")
+    resampling.add_argument(
+        "--scale", type=scale, metavar="F|WxH", help="resample the pictures: by a factor, as 0.5, or to 640x360"
+    )
+    resampling.add_argument(
+        "--fps", type=frame_rate, metavar="R",
+        help="another frame rate, as 12.5 or 30000/1001: at each time the frame that is shown then",
+    )  # fmt: skip
     add_where_options(parser)
 
 
@@ -45,7 +55,7 @@ def _estimate(arguments: Namespace) -> int:
     if arguments.output is not None:
         check_output(arguments.output, arguments.input)
         check_stream_name(arguments.output, force=arguments.force)
-    return dry_run(arguments, plain.opened_again(arguments), make_settings(arguments))
+    return dry_run(arguments, _resampled(arguments), make_settings(arguments))
 
 
 def _encode(arguments: Namespace) -> int:
@@ -55,6 +65,13 @@ def _encode(arguments: Namespace) -> int:
         opened_executor(arguments, processes) as (jobs, executor),
     ):
         return plain.encode_file(arguments, _extras(arguments, jobs, executor, folder))
+
+
+def _resampled(arguments: Namespace) -> "Resampled":
+    """The source, resampled as the options say."""
+    from gsvc_tools.video.resampling import Resampled
+
+    return Resampled(plain.NamedInput(arguments.input).open_video, arguments.scale, arguments.fps)
 
 
 def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: Path | None) -> plain.Extras:
@@ -71,6 +88,7 @@ def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: 
             reader.note(note)
 
     return plain.Extras(
+        source=_resampled,
         options={"jobs": jobs, "executor": executor, "resume": folder},
         opens_again=lambda settings: settings.goal is not None and is_readable_again,
         look=look,

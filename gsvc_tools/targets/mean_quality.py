@@ -6,8 +6,8 @@ from typing import IO, Final
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log2
 from gsvc_ref.encoder.report import EncodeReport
-from gsvc_ref.metrics.libvmaf import vmaf
 from gsvc_ref.stream import decode
+from gsvc_tools.libvmaf import vmaf
 from gsvc_tools.targets.passes import Passes, splats_of, temporary_files
 from gsvc_tools.targets.reading_again import Chosen
 

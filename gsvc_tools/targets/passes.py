@@ -16,9 +16,9 @@ from gsvc_ref.encoder.report import EncodeReport, IncompleteEncodeError, OnProgr
 from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, Settings
 from gsvc_ref.encoder.setup import CoderMaker, coder_of
 from gsvc_ref.encoder.source_and_target import Target
-from gsvc_ref.metrics.libvmaf import MIN_SIDE
 from gsvc_ref.video import VideoReader
 from gsvc_tools.jobs.encode_once import encode_once
+from gsvc_tools.libvmaf import MIN_SIDE
 
 
 class Passes:

@@ -23,8 +23,8 @@ from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeE
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import frame_count_of
 from gsvc_ref.encoder.source_and_target import Source, Target, is_file
-from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
 from gsvc_ref.video.format import FrameRate
+from gsvc_tools.libvmaf import ffmpeg_with_libvmaf
 from gsvc_tools.targets.budget import GroupPlan, planned_coder
 from gsvc_tools.targets.curves import FrameCost, GroupCurve, equal_slope
 from gsvc_tools.targets.mean_quality import to_quality

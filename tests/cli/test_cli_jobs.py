@@ -81,7 +81,7 @@ def test_the_file_and_the_report_do_not_depend_on_jobs(clip, tmp_path, capsys):
     assert told[0] == told[1]
 
 
-@pytest.mark.parametrize("step", ["start", "kill"])
+@pytest.mark.parametrize("step", ["start", pytest.param("kill", marks=pytest.mark.exhaustive)])
 def test_an_interrupt_waits_while_processes_are_started_or_ended(monkeypatch, clip, tmp_path, capsys, step):
     original = getattr(Processes, step)
     begun = []
@@ -129,7 +129,10 @@ def test_jobs_out_of_range(clip, tmp_path, capsys):
     assert capsys.readouterr().err == "gsvc encode: jobs is 0; it must be a whole number in 1..1024\n"
 
 
-@pytest.mark.parametrize(("number", "all_of_them"), [(signal.SIGINT, True), (signal.SIGTERM, False)])
+@pytest.mark.parametrize(
+    ("number", "all_of_them"),
+    [(signal.SIGINT, True), pytest.param(signal.SIGTERM, False, marks=pytest.mark.exhaustive)],
+)
 def test_a_signal_that_asks_to_end_keeps_the_frames_done(clip, tmp_path, number, all_of_them):
     """A terminal sends Ctrl-C to the processes that encode as well; they leave it to the command."""
     out = tmp_path / "out.gsvc"

@@ -72,7 +72,7 @@ def encoder(clip: Path, out: Path, *options: str) -> Iterator[Encoder]:
         yield Encoder(process, clip, out)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.exhaustive), signal.SIGTERM])
 def test_a_signal_that_asks_to_end_keeps_the_frames_done(clip, stream, tmp_path, number):
     out = tmp_path / "out.gsvc"
     with encoder(clip, out, "--json") as running:

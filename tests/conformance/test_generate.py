@@ -58,6 +58,7 @@ def test_the_number_of_processes_does_not_matter(folder, made):
     assert generate.differences(folder, made) == []
 
 
+@pytest.mark.exhaustive
 def test_a_bit_of_any_file_is_a_difference(folder, made):
     for name, files in made.items():
         for part, data in files.items():

@@ -71,6 +71,7 @@ def test_an_encode_with_layers_is_the_same_again(layered: tuple[EncodeReport, by
     assert encoded(layer_splats=(10, 25, 60), checksums=True, threads=1)[1] == layered[1]
 
 
+@pytest.mark.exhaustive
 def test_layers_by_quality() -> None:
     report, data = encoded(layers=(22, 26))
     first = report.frames[0]

@@ -64,7 +64,7 @@ def mosaic() -> list:
 
 
 @pytest.mark.parametrize(
-    "goal", [28.0, 32.0, *(pytest.param(more, marks=pytest.mark.exhaustive) for more in (26.0, 30.0, 34.0))]
+    "goal", [32.0, *(pytest.param(more, marks=pytest.mark.exhaustive) for more in (26.0, 28.0, 30.0, 34.0))]
 )
 def test_a_psnr_is_held_and_hardly_exceeded(goal):
     clip = mosaic()
@@ -75,6 +75,7 @@ def test_a_psnr_is_held_and_hardly_exceeded(goal):
     assert report.notes == []
 
 
+@pytest.mark.exhaustive
 def test_a_psnr_is_held_by_few_splats():
     """With thirty, one is worth up to a dB, and a picture may be as much too good."""
     goal, clip, spared = 32.0, waves(96, 64, 4), []

@@ -25,6 +25,7 @@ class Nowhere:
         pass
 
 
+@pytest.mark.exhaustive
 def test_a_reader_has_the_writers_state_after_each_of_10000_frames():
     encoder, frames = closed_loop().parameters, decoded()[0]
     assert len(frames) == FRAMES

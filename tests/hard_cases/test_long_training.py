@@ -39,6 +39,7 @@ def test_no_gradients_make_a_longer_step(settings, most):
     assert most - 0.001 < lengths[-1] < most
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("kind", gradients())
 def test_every_step_of_100000_is_finite_and_bounded(kind):
     path = run().path[:, list(gradients()).index(kind)].astype(np.float64)

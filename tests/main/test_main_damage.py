@@ -16,22 +16,13 @@ STREAMS = {
     "checksums": (HEADER, "IP", 5, 3),
     "empty": (PLAIN, "IP", 0, 0),
 }
-STEP = 13
 
 
-@pytest.mark.parametrize("name", STREAMS)
-def test_some_damages(name: str) -> None:
-    check(name, STEP)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.parametrize("name", STREAMS)
-def test_more_damages(name: str) -> None:
-    """A third of them: neighbouring cuts and bits hurt the same element, and the fuzzer finds places of its own."""
-    check(name, 3)
-
-
-def check(name: str, step: int) -> None:
+@pytest.mark.parametrize(
+    ("name", "step"), [("plain", 13), *(pytest.param(name, 3, marks=pytest.mark.exhaustive) for name in STREAMS)]
+)
+def test_damages(name: str, step: int) -> None:
+    """At most a third of them: neighbouring cuts and bits hurt the same element, and the fuzzer finds other places."""
     header, types, seed, count = STREAMS[name]
     for what, data in damages(stream_of(types, seed, count, header), step, first=step // 2):
         ours, theirs = both(data)

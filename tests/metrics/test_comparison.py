@@ -8,7 +8,7 @@ import pytest
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.metrics import compare_frames, ms_ssim, psnr
-from gsvc_ref.metrics.libvmaf import ffmpeg_with_libvmaf
+from gsvc_tools.libvmaf import ffmpeg_with_libvmaf
 
 
 def clip(count, height=24, width=40, seed=0):

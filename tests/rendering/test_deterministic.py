@@ -1,19 +1,13 @@
 """The precision ``deterministic``: the bits of its plain form for any threads, regions, CPU, with JIT or without."""
 
-import hashlib
-import json
-import os
 import re
 import struct
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy._core import _multiarray_umath as multiarray
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, single, splat_sets
 
 from gsvc_base.constants import ONE, SUPPORT_SQUARED
@@ -181,65 +175,6 @@ def test_the_objective_adds_in_a_stated_order():
     assert loss == pytest.approx(np.sum(e.astype(np.float64) ** 2) / (WIDTH * HEIGHT), rel=1e-6)
     scaled = gradients_plain(splats, e).astype(np.float64) * (2 / (WIDTH * HEIGHT))
     np.testing.assert_allclose(gradient, scaled, rtol=1e-6)  # scaled before it is rounded once, not after
-
-
-# A process that prints the hashes of its sums, gradients, loss and frames.
-PROGRAM = """
-import hashlib, json, sys
-import numpy as np
-sys.path.insert(0, {folder!r})
-from render_cases import population
-from gsvc_ref.rendering import Objective, Renderer, render_gradients
-splats = population({count}, 45, 37)
-rng = np.random.default_rng(2)
-e, target = rng.normal(0, 1, (37, 45, 3)).astype(np.float32), rng.random((37, 45, 3), np.float32)
-loss, gradient = Objective(target, {threads}, precision="deterministic").evaluate(splats.to_array())
-arrays = [
-    Renderer(45, 37, precision="deterministic", threads={threads}, region_rows={rows}).picture(splats, clamp=False),
-    Renderer(45, 37, precision="deterministic", threads={threads}).frame(splats, 10),
-    render_gradients(splats, e, precision="deterministic", threads={threads}), np.float64(loss), gradient,
-]
-print(json.dumps([hashlib.sha256(np.ascontiguousarray(a).tobytes()).hexdigest() for a in arrays]))
-"""
-
-DISPATCHED = [name for name in multiarray.__cpu_dispatch__ if multiarray.__cpu_features__[name]]
-"""The kinds of CPU that NumPy has loops of its own for here."""
-
-GENERIC = {
-    "NUMBA_CPU_NAME": "generic",
-    "NUMBA_CPU_FEATURES": "",
-    "NPY_DISABLE_CPU_FEATURES": " ".join(DISPATCHED),
-}
-
-
-def hashes(folder, environment, threads, region_rows):
-    """The hashes that another process computes."""
-    program = PROGRAM.format(folder=str(Path(__file__).parent), count=25, threads=threads, rows=region_rows)
-    result = subprocess.run(
-        [sys.executable, "-W", "ignore", "-c", program],
-        env={**os.environ, "NUMBA_CACHE_DIR": str(folder), **environment},
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    return json.loads(result.stdout)
-
-
-@pytest.mark.exhaustive
-@pytest.mark.skipif(not JIT, reason="the processes that it starts are compared with and without the JIT")
-@pytest.mark.parametrize(
-    ("environment", "threads", "region_rows"),
-    [({"NUMBA_DISABLE_JIT": "1"}, 1, 16), (GENERIC, 1, 64), (GENERIC, 2, 8)],
-    ids=["interpreted", "generic CPU", "generic CPU, two threads"],
-)
-def test_bits_do_not_depend_on_cpu_and_compiler(environment, threads, region_rows, tmp_path_factory):
-    folder = tmp_path_factory.getbasetemp() / f"kernels-{environment.get('NUMBA_CPU_NAME', 'none')}"
-    splats = population(25, WIDTH, HEIGHT)
-    rng = np.random.default_rng(2)
-    e, target = rng.normal(0, 1, (37, 45, 3)).astype(np.float32), rng.random((37, 45, 3), np.float32)
-    loss, gradient = Objective(target, precision="deterministic").evaluate(splats.to_array())
-    frame = render_frame(splats, WIDTH, HEIGHT, 10, precision="deterministic")
-    gradients = render_gradients(splats, e, precision="deterministic")
-    here = [sum_plain(splats, WIDTH, HEIGHT), frame, gradients, np.float64(loss), gradient]
-    assert hashes(folder, environment, threads, region_rows) == [hashlib.sha256(a.tobytes()).hexdigest() for a in here]
 
 
 def test_render_sum_and_render_agree():

@@ -18,8 +18,8 @@ MAY_EVALUATE = {ROOT / "gsvc_base" / "spec.py", ROOT / "conformance" / "gsvc_con
 """They run the code blocks of spec.md, a file of this project."""
 
 MAY_UNPICKLE = {
-    ROOT / "gsvc_ref" / "encoder" / "cluster.py",
-    ROOT / "gsvc_ref" / "encoder" / "cluster_task.py",
+    ROOT / "gsvc_tools" / "jobs" / "cluster.py",
+    ROOT / "gsvc_tools" / "jobs" / "cluster_task.py",
     ROOT / "gsvc_lab" / "benchmarks" / "cluster.py",
 }
 """They read what the machines of a cluster send each other: there each may run any code on others anyway."""

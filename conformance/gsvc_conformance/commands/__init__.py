@@ -1,14 +1,12 @@
 """The commands of ``gsvc-conformance``, each with `add_arguments` and `run`, and what they share."""
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Final, get_args
 
 from gsvc_base.cli.arguments import whole
 from gsvc_base.errors import UsageError
-from gsvc_conformance.operation import Group, operations
-from gsvc_conformance.spelling import question
+from gsvc_conformance.operation import Group, checked_operations
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder, Wanted
 
@@ -104,22 +102,6 @@ def selection(arguments: Namespace) -> Selection:
         equations=tuple(equation.strip("()") for equation in arguments.equation),
         flags=tuple(arguments.flag),
     )
-
-
-def checked_operations(names: Iterable[str]) -> tuple[str, ...]:
-    """Names of operations.
-
-    Raises
-    ------
-    UsageError
-        One does not exist.
-    """
-    chosen = tuple(names)
-    for name in chosen:
-        if name not in operations():
-            near = question(name, operations()) or f"; the operations are {', '.join(operations())}"
-            raise UsageError(f"there is no operation {name!r}{near}")
-    return chosen
 
 
 def count(text: str) -> int:

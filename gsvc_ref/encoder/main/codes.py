@@ -18,10 +18,9 @@ from gsvc_ref.training.coordinates import PER_ROOT2, ROOT2, exp_kernel
 
 LUMA_OFFSET: Final = 0.45
 CHROMA_OFFSET: Final = 0.4
-"""A colour's code is floor(|n| / D + offset) with the sign of n."""
+"""A color's code is floor(|n| / D + offset) with the sign of n."""
 
-PER_NEPER: Final = 1024 / math.log(2)
-"""Units of A and B, 1/1024 octave, in a neper."""
+PER_NEPER: Final = 1024 / math.log(2)  # units of A and B, 1/1024 octave, in a neper
 
 MOST_CHANGE: Final = 20.0
 """Largest change of ln(l11 / l22) by rounding that a shear goes along with; it keeps exp within its range."""
@@ -103,13 +102,6 @@ def _place_in_cell(position: float, cells: int, g: int) -> tuple[int, int]:
 @kernel(inline=True)
 def _nearest(value: float, limits: I8) -> int:
     return int(min(max(math.floor(value + 0.5), limits[0]), limits[1]))
-
-
-@kernel()
-def coordinates_of_state(state: I8, z: F8) -> None:
-    """The coordinates z (N, 8) of states (N, 8)."""
-    for i in range(len(z)):
-        put_coordinates(state[i], z[i])
 
 
 @kernel(inline=True)

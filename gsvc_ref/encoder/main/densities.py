@@ -34,20 +34,14 @@ from gsvc_ref.main.reconstruct import colors_of
 from gsvc_ref.main.state import classes
 from gsvc_ref.main.tables import exp2
 
-MOST_CENTRE: Final = 511
-MOST_SLOPE: Final = 127
+MOST_CENTRE: Final = 511  # of what `centre` stands for, in magnitude
+MOST_SLOPE: Final = 127  # of what `slope` stands for, in magnitude
 MOST_SCALE_CODE: Final = 31
-"""The largest magnitudes of `centre` and `slope` less what is subtracted from them, and the largest `scale_code`."""
 
-SEARCH_STEPS: Final = (8, 4, 2, 1)
-MOST_SCALE_STEP: Final = 4
-"""Steps of the search; a scale changes by an octave at most."""
-
-NO_CODE: Final = 1 << 40
-"""The length of what a density cannot code: more than that of any plane."""
-
-_SCALES: Final = exp2(256 * np.arange(MOST_SCALE_CODE + 1), 4)
-"""2^(scale_code / 4) in 1/16."""
+SEARCH_STEPS: Final = (8, 4, 2, 1)  # of centre, scale code and slope
+MOST_SCALE_STEP: Final = 4  # a scale changes by an octave at most
+NO_CODE: Final = 1 << 40  # the length of what a density cannot code: more than that of any plane
+_SCALES: Final = exp2(256 * np.arange(MOST_SCALE_CODE + 1), 4)  # 2^(scale_code / 4) in 1/16
 
 Length = Callable[[Density], int]
 """The code length of a plane by a density, in parts of a bit (`LENGTH_UNIT`)."""

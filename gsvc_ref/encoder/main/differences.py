@@ -25,21 +25,12 @@ from gsvc_ref.main.reconstruct import position_step, sheared_step
 from gsvc_ref.main.state import A_LEAST, A_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, class_of
 from gsvc_ref.training.coordinates import ROOT2, exp_kernel, limited, put_gradient, put_parameters
 
-LEAST_LOG: Final = A_LEAST / PER_NEPER
+LEAST_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
 MOST_LOG: Final = A_MOST / PER_NEPER
-"""Limits of ln l11 and ln l22."""
-
-MOST_STEP: Final = 1.5
-"""Longest gradient step of a component of q in proximal descent."""
-
-MOST_DIFFERENCE: Final = 4095
-"""Largest difference, of the last class of magnitudes."""
-
-NEAR: Final = 3.0
-"""Splats overlap only if their centers are nearer than so many of both deviations along each axis..."""
-
-LEAST_OVERLAP_LOG: Final = 18.0
-"""...and the squared distance of the centers, in units of the sum of both covariances, is below this: e^-9."""
+MOST_STEP: Final = 1.5  # longest gradient step of a component of q in proximal descent
+MOST_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnitudes
+NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than so many of both deviations
+NEAR_SQUARE: Final = 18.0  # and where the squared distance, in units of both covariances, is below this: e^-9
 
 GX, GS, GY, SIZE, SHEAR = range(5)
 """The steps of a splat: x by i, y by i and y by i' in pixels, m and r in nepers, and s."""
@@ -213,7 +204,7 @@ def crowding(parameters: F4) -> F8:
     It bounds the curvature of f along a splat's components by their row of J^T J, so 1 / crowding is a safe step.
     """
     x, y, a, b, c = np.ascontiguousarray(parameters[:, :5].T, np.float64)  # (N,) f8 each
-    reach = NEAR * np.sqrt(b * b + c * c)  # along y
+    reach = NEAR_DEVIATIONS * np.sqrt(b * b + c * c)  # along y
     order = np.argsort(y - reach, kind="stable")
     sums = np.ones(len(parameters))
     top, bottom = (y - reach)[order], (y + reach)[order]
@@ -234,13 +225,13 @@ def _crowding(x: F8, y: F8, a: F8, b: F8, c: F8, top: F8, bottom: F8, out: F8) -
             if top[j] > bottom[i]:
                 break
             dx, dy = x[j] - x[i], y[j] - y[i]
-            if abs(dx) > NEAR * (a[i] + a[j]):
+            if abs(dx) > NEAR_DEVIATIONS * (a[i] + a[j]):
                 continue
             xx, xy = a[i] * a[i] + a[j] * a[j], a[i] * b[i] + a[j] * b[j]
             yy = ((b[i] * b[i] + c[i] * c[i]) + b[j] * b[j]) + c[j] * c[j]
             determinant = xx * yy - xy * xy
             distance = ((yy * dx * dx - 2 * xy * dx * dy) + xx * dy * dy) / determinant
-            if distance < LEAST_OVERLAP_LOG:
+            if distance < NEAR_SQUARE:
                 overlap = 2 * math.sqrt(a[i] * c[i] * (a[j] * c[j]) / determinant) * exp_kernel(-0.5 * distance)
                 out[i] += overlap
                 out[j] += overlap

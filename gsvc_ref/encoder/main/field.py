@@ -27,46 +27,33 @@ from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.settings import InterSettings
 from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS
+from gsvc_ref.main.motion import field_shape
 from gsvc_ref.rendering import SampledObjective
 from gsvc_ref.training.motion import estimated_motion
 
-UNITS: Final = 4
-"""Vectors are in units of 1/4 px."""
-
-LONGEST_VECTOR: Final = 4096
-"""Longest component of a vector that is looked at, in units."""
+UNITS: Final = 4  # vectors are in units of 1/4 px
+LONGEST_VECTOR: Final = 4096  # longest component of a vector that is looked at, in units
 
 PAIRS: Final = ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
 """The neighbors (down, right) of a cell of which H is kept; the others follow by symmetry."""
 
-NEXT: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))
-"""What lies next to a cell (down, right)."""
+NEXT: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))  # what lies next to a cell (down, right)
 
 PAIRS_OF_CORNERS: Final = ((0, 1, 3, 4), (1, 0, 2, 3), (3, 2, 0, 1), (4, 3, 1, 0))
 """By which of PAIRS two of four cells lie to each other that stand around a point, row by row."""
 
-FLOW_SPACING: Final = 8
-"""The optical flow is read every so many pixels."""
-
-LONGEST_STEP: Final = 8.0
-"""Longest Gauss-Newton step of a component, in units."""
+FLOW_SPACING: Final = 8  # the optical flow is read every so many pixels
+LONGEST_STEP: Final = 8.0  # longest Gauss-Newton step of a component, in units
 
 FIRST_DAMPING: Final = 0.3
 LESS_DAMPING: Final = 3.0
 MORE_DAMPING: Final = 4.0
 """Share of the stiffness that is added to H; it is divided after a step that helps, and else multiplied."""
 
-LEAST_DAMPING: Final = 1.0
-"""What is added to the diagonal of H in any case."""
-
-LITTLE: Final = 0.005
-"""No further step follows one that takes less than this share off the squared error."""
-
-SWEEPS: Final = 12
-"""Gauss-Seidel sweeps of a step."""
-
-CHOICE_SWEEPS: Final = 4
-"""How often every vector is looked at when vectors are chosen."""
+LEAST_DAMPING: Final = 1.0  # what is added to the diagonal of H in any case
+LITTLE: Final = 0.005  # no further step follows one that takes less than this share off the squared error
+SWEEPS: Final = 12  # Gauss-Seidel sweeps of a step
+CHOICE_SWEEPS: Final = 4  # how often every vector is looked at when vectors are chosen
 
 
 VECTOR_BITS: Final[F8] = np.asarray(0.7 + 2 * log2(1.0 + np.arange(2 * LONGEST_VECTOR + 2)), np.float64)
@@ -112,10 +99,11 @@ def best_field(
     least, coarser = worth * float(log2(max(best.error, 1.0))), math.inf
     fine: tuple[int, F8] | None = None
     for cell in settings.cells:
-        vectors = np.zeros((-(-objective.height // cell), -(-objective.width // cell), 2))
+        rows, columns = field_shape(objective.width, objective.height, cell)
         if fine is None:
-            cell_means(*flow, cell, vectors)
+            vectors = cell_means(*flow, cell, rows, columns)
         else:
+            vectors = np.zeros((rows, columns, 2))
             read_coarse_field(fine[1], fine[0], cell, vectors)
         vectors = search.descend(cell, vectors, settings.motion_steps)
         fine = cell, vectors
@@ -235,21 +223,14 @@ def place(x: float, y: float, cell: int, rows: int, columns: int) -> tuple[int, 
     return i, j, u - i, v - j
 
 
-@kernel()
-def cell_means(points: F8, motion: F8, cell: int, out: F8) -> None:
-    """Means of the motion (P, 2) in pixels over cells, into out (gy, gx, 2) in units."""
-    rows, columns = out.shape[:2]
-    counts = np.zeros((rows, columns))
-    for p in range(len(points)):
-        row, column = min(int(points[p, 1]) // cell, rows - 1), min(int(points[p, 0]) // cell, columns - 1)
-        counts[row, column] += 1
-        for k in range(2):
-            out[row, column, k] += motion[p, k]
-    for row in range(rows):
-        for column in range(columns):
-            for k in range(2):
-                value = UNITS * out[row, column, k] / max(counts[row, column], 1.0)
-                out[row, column, k] = min(max(value, -np.float64(LONGEST_VECTOR)), np.float64(LONGEST_VECTOR))
+def cell_means(points: F8, motion: F8, cell: int, rows: int, columns: int) -> F8:
+    """Means of the motion (P, 2) in pixels of points (P, 2) over cells, (rows, columns, 2) in units."""
+    x, y = (points.astype(np.int64) // cell).T
+    at = np.minimum(y, rows - 1), np.minimum(x, columns - 1)
+    sums, counts = np.zeros((rows, columns, 2)), np.zeros((rows, columns, 1))
+    np.add.at(sums, at, motion)
+    np.add.at(counts, at, 1.0)
+    return np.clip(UNITS * sums / np.maximum(counts, 1.0), -LONGEST_VECTOR, LONGEST_VECTOR)
 
 
 @kernel(inline=True)

@@ -17,17 +17,10 @@ from gsvc_ref.training.coordinates import limited, log_kernel, to_parameters
 from gsvc_ref.training.descent import Walk
 from gsvc_ref.training.settings import Growth
 
-FIT_D: Final = 16.0
-"""D of the metric while only the error counts: it bounds the steps of the faintest splats."""
-
-LEAST_SIZE: Final = 0.27
-"""Smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centers."""
-
-MOST_SIZE: Final = 400.0
-"""Largest l11 and l22 in pixels."""
-
-MOST_SHEAR: Final = 12.0
-"""Largest |l21 / l22|: what every density can hold."""
+FIT_D: Final = 16.0  # D of the metric while only the error counts: it bounds the steps of the faintest splats
+LEAST_SIZE: Final = 0.27  # smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centers
+MOST_SIZE: Final = 400.0  # largest l11 and l22 in pixels
+MOST_SHEAR: Final = 12.0  # largest |l21 / l22|: what every density can hold
 
 LEAST_MARGIN: Final = 0.01
 """Smallest distance in pixels of a center from the edge of the frame, inside of which a cell must hold it."""

@@ -46,20 +46,14 @@ from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
 from gsvc_ref.training.motion import estimated_motion
 
-P_TRIES: Final = 8
-"""Constant quality: the most values of D that are tried for a P-frame."""
+P_TRIES: Final = 8  # constant quality: the most values of D that are tried for a P-frame
 
-FALLEN_DB: Final = 1.0
-"""A P-frame with so many dB less than its I-frame is worked on again where the source stays the same..."""
-
-PASS_GAIN: Final = 0.3
-"""...as long as each pass gains so many dB."""
-
-MOST_PSNR: Final = 200.0
-"""Stands for that of a frame equal to its source, in dB; no other frame has so much."""
-
-D_TRIES: Final = 3
-"""Constant quality: the most values of D that are tried for an I-frame after the numbers of splats."""
+FALLEN_DB: Final = (
+    1.0  # a P-frame with so much less than its I-frame is worked on again where the source stays the same
+)
+PASS_GAIN: Final = 0.3  # in dB, and as long as each pass gains so much
+MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
+D_TRIES: Final = 3  # constant quality: the most values of D that are tried for an I-frame after the numbers of splats
 
 
 @dataclass(frozen=True)
@@ -77,47 +71,28 @@ class _Coded:
 
 
 class MainFrameEncoder:
-    """Encodes frames in order.
-
-    Attributes
-    ----------
-    state
-        The decoder's state after the frames so far.
-    total, most, room
-        The number of splats that an I-frame begins its search with, the largest that it may be given, and the largest
-        that a frame may be counted with.
-    quantizer
-        That of the next P-frame, or the first that is tried for it.
-    intra_bits
-        Constant quality: bits of the last I-frame. A P-frame that misses the goal with more is given up.
-    before
-        The source of the frame before, (H, W, 3) f4.
-    is_catching_up
-        Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
-        is worth it if the source stays the same.
-    intra_psnr, last_psnr
-        PSNR of the last I-frame and of the last frame, in dB.
-    holds_level
-        Whether D may become finer where P-frames sink, at constant rate.
-    below
-        Of a layer: the splats that stand in front of its own in the next frame, those of the base and the layers below.
-    above
-        Of a layer: the splats of those above in the frame before. A P-frame is fitted to the picture with them all,
-        moved by the optical flow, so that what they stand on goes where they will go.
-    """
+    """Encodes frames in order; `holds_level` says whether D may become finer where P-frames sink, at constant rate."""
 
     def __init__(
         self, settings: Settings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
     ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
-        self.state = MainState.initial(width, height)
+        self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
+        # The splats that an I-frame begins its search with, the most it may be given, and the most a frame may count.
         self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = _inter_encoder(settings)
-        self.quantizer, self.intra_bits = 0, 0
-        self.before: F4 | None = None
-        self.is_catching_up, self.intra_psnr, self.last_psnr = False, 0.0, 0.0
+        self.quantizer = 0  # that of the next P-frame, or the first that is tried for it
+        self.intra_bits = 0  # of the last I-frame: with a PSNR to hold, a P-frame that misses it with more is given up
+        self.before: F4 | None = None  # (H, W, 3), the source of the frame before
+        self.intra_psnr, self.last_psnr = 0.0, 0.0  # of the last I-frame and of the last frame, in dB
+        # Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
+        # is worth it if the source stays the same.
+        self.is_catching_up = False
+        # Of a layer: the splats of the base and the layers below it in the next frame, and those of the layers above it
+        # in the frame before. A P-frame is fitted to the picture with them all, those above moved by the optical flow,
+        # so that what they stand on goes where they will go.
         self.below, self.above = Splats.empty(), Splats.empty()
         self.holds_level = holds_level and settings.psnr is None and settings.quality is None
         self._held_level = HeldLevel(settings.main_inter.fall, 0)

@@ -19,18 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.arrays import F4, F8, I8
+from gsvc_ref.encoder.main import differences
 from gsvc_ref.encoder.main.codes import limits_of, nearest_codes
 from gsvc_ref.encoder.main.densities import choose_densities
-from gsvc_ref.encoder.main.differences import (
-    MOST_DIFFERENCE,
-    Iterate,
-    Prices,
-    anchors_of,
-    crowding,
-    idle,
-    proximal_step,
-    rounded_step,
-)
 from gsvc_ref.encoder.main.field import Field, best_field, flow_at_points
 from gsvc_ref.encoder.main.new_splats import CUTOFF, NewSplats, best_candidates
 from gsvc_ref.encoder.main.settings import InterSettings
@@ -46,25 +37,20 @@ from gsvc_ref.main.tables import step_of
 from gsvc_ref.rendering import Objective, SampledObjective
 from gsvc_ref.training.coordinates import gradient_by_coordinates, to_parameters
 
-LEAST_LENGTH: Final = 0.02
+LEAST_LENGTH: Final = 0.02  # of a splat's step in proximal descent
 MOST_LENGTH: Final = 0.3
-"""Limits of a splat's step in proximal descent."""
-
-MOST_VECTOR: Final = 2047
-"""Longest vector in quarter pixels along x or y, so that every difference of two has a class."""
+MOST_VECTOR: Final = 2047  # longest vector in quarter pixels along x or y, so that every difference of two has a class
 
 NO_DENSITIES: Final = Densities((Density(scale_code=20),) * len(PLANES), ())
 """What new splats are held to where no densities are kept, and their own are chosen."""
 
-NEW_SIZES: Final = (0.165, 0.33, 0.66)
-"""Deviations of new splats to try, in mean distances of splats."""
+NEW_SIZES: Final = (0.165, 0.33, 0.66)  # deviations of new splats to try, in mean distances of splats
 
 LEAST_NEW_SIZE: Final = 0.5
 """Smallest of them in pixels. The picture of a smaller splat on few pixels has more energy than the splat has in the
 plane: below 0.4 px more than twice as much, so that taking it off the residual would make that larger."""
 
-FIRST_PRICE: Final = 0.3
-"""The price of a group begins with this share of it."""
+FIRST_PRICE: Final = 0.3  # the price of a group begins with this share of it
 
 LOOK: Final = 10
 """After so many iterations of proximal descent it is asked which splats rest, and whether more are worth their time."""
@@ -74,14 +60,9 @@ REST: Final = 0.25
 of what it has to bring one about. Where little moves, descent takes half the time; on six clips the bits at equal PSNR
 stayed the same within what seeds scatter by, with shares of 0.25 and 0.5."""
 
-MOST_TIMES: Final = 6
-"""Most iterations of proximal descent, in units of `InterSettings.iterations`."""
-
-PRUNING_INTERVAL: Final = 5
-"""Weak new splats are dropped every so many iterations."""
-
-ROUNDING_OFFSET: Final = 0.4
-"""Differences are rounded away from 0 from 1 - offset on."""
+MOST_TIMES: Final = 6  # most iterations of proximal descent, in units of `InterSettings.iterations`
+PRUNING_INTERVAL: Final = 5  # weak new splats are dropped every so many iterations
+ROUNDING_OFFSET: Final = 0.4  # differences are rounded away from 0 from 1 - offset on
 
 
 @dataclass(frozen=True)
@@ -120,15 +101,15 @@ class InterEncoder:
         if field.cell:
             vectors = np.clip(field.vectors, -MOST_VECTOR, MOST_VECTOR)
             motion = field_motion(values, vectors, field.cell)
-        differences, removed, new = _Updates(frame, motion, self.settings).codes()
+        q, removed, new = _Updates(frame, motion, self.settings).codes()
         new = new.take(cell_order(new.cells, state.width, state.height))
         densities = None
         if len(new) and state.densities is None:  # no splat was in the last I-frame
             densities = choose_densities(new, frame.step, state.width, state.height)
         return MainCodes(
             frame.quantizer, type="P", motion_cell=SIDES.index(field.cell), new=new, densities=densities,
-            vectors=vectors, modes=modes_of(differences, removed),
-            differences=np.where(removed[:, None], 0, differences),
+            vectors=vectors, modes=modes_of(q, removed),
+            differences=np.where(removed[:, None], 0, q),
         )  # fmt: skip
 
 
@@ -141,11 +122,12 @@ class _Updates:
         self.width, self.height = frame.objective.width, frame.objective.height
         pixels = self.width * self.height
         self.scale = pixels * SQUARE_OF_8_BITS  # loss to squared error
-        self.anchors = anchors_of(frame.state.values, motion, frame.step, pixels)
+        self.anchors = differences.anchors_of(frame.state.values, motion, frame.step, pixels)
         self.limits = limits_of(frame.state.densities or NO_DENSITIES)
         self.q, self.y = np.zeros((self.count, 8)), np.zeros((self.count, 8))  # see `Iterate`
         self.parameters = to_parameters(self.anchors.z)  # (N + n, 8) f4, of the splats at y and of the new ones
-        self.length = np.clip(settings.length / crowding(self.parameters), LEAST_LENGTH, MOST_LENGTH)  # (N,) f8
+        crowding = differences.crowding(self.parameters)
+        self.length = np.clip(settings.length / crowding, LEAST_LENGTH, MOST_LENGTH)  # (N,) f8
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
         self.idle = np.zeros(self.count, np.bool_)  # the splats at rest, which the objectives hold
 
@@ -166,8 +148,8 @@ class _Updates:
         self._prune()
         return self._round()
 
-    def _iterate(self, length: F8) -> Iterate:
-        return Iterate(self.q, self.y, self.parameters[: self.count], length)
+    def _iterate(self, length: F8) -> differences.Iterate:
+        return differences.Iterate(self.q, self.y, self.parameters[: self.count], length)
 
     def _descend(self, iteration: int, ramp: float) -> float:
         """One iteration of step 2, with prices times `ramp`; the loss before it on the lattice of its turn."""
@@ -178,9 +160,11 @@ class _Updates:
         self.parameters[count:] = to_parameters(self.new.z)
         loss, gradient = self._evaluate(iteration)
         resting = self.idle
+        prices = differences.Prices(s.momentum, s.sparsity, s.price * ramp)
         if looks:
-            resting = idle(self.anchors, at, gradient[:count], Prices(0.0, s.sparsity, REST * s.price * ramp))
-        proximal_step(self.anchors, at, gradient[:count], Prices(s.momentum, s.sparsity, s.price * ramp))
+            lower = prices._replace(group=REST * prices.group)
+            resting = differences.idle(self.anchors, at, gradient[:count], lower)
+        differences.proximal_step(self.anchors, at, gradient[:count], prices)
         self.new.step(self.parameters[count:], gradient[count:], self.scale)
         if looks:
             self._rest(resting, self.frame.sampled)
@@ -230,7 +214,7 @@ class _Updates:
         count, last, step = self.count, self.settings.rounded_iterations, self.frame.step
         objectives = self.frame.sampled, self.frame.objective
         mask = np.stack([(self.q[:, first:end] != 0).any(axis=1) for _, first, end in GROUPS], axis=1)
-        whole = np.minimum(np.floor(np.abs(self.q) + ROUNDING_OFFSET), MOST_DIFFERENCE)
+        whole = np.minimum(np.floor(np.abs(self.q) + ROUNDING_OFFSET), differences.MOST_DIFFERENCE)
         self.y = np.sign(self.q) * whole
         self._decoded()
         self._rest(np.asarray((~mask).all(axis=1)), *objectives)
@@ -244,7 +228,7 @@ class _Updates:
             loss, gradient = self._evaluate(None if is_near_end else iteration)
             if is_near_end and loss < least:
                 least, best, new = loss, self.y.astype(np.int64), codes
-            rounded_step(self.anchors, self._iterate(length), gradient[:count], ROUNDING_OFFSET, mask)
+            differences.rounded_step(self.anchors, self._iterate(length), gradient[:count], ROUNDING_OFFSET, mask)
             self.new.step(self.parameters[count:], gradient[count:], self.scale)
             self._decoded()
         self._rest(np.zeros(count, np.bool_), *objectives)

@@ -32,11 +32,8 @@ from gsvc_ref.rendering import Precision
 from gsvc_ref.training.coordinates import energies, energy, log_kernel, to_parameters
 from gsvc_ref.training.descent import Walk
 
-MEDIAN_ENERGY: Final = 7.0
-"""Median energy of fitted splats in D, `quantizer_for`; measured."""
-
-MIDDLE_QUANTIZER: Final = 40
-"""The quantizer of no splats."""
+MEDIAN_ENERGY: Final = 7.0  # median energy of fitted splats in D, `quantizer_for`; measured
+MIDDLE_QUANTIZER: Final = 40  # the quantizer of no splats
 
 LAYER_COARSER: Final = 7
 """By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
@@ -55,11 +52,8 @@ Five codes of geometry and one or two of color take log2 E bits each, and at a s
 STEPS_PER_DOUBLING: Final = 7.0
 """By how many eighths of an octave D falls with twice the splats; measured on four pictures, 5 to 11."""
 
-CLOSE_QUANTIZER: Final = 2
-"""A quantizer of the rule that is as close as this to the one asked for is not improved."""
-
-SPLAT_TRIES: Final = 3
-"""Most fits of the splat-count search."""
+CLOSE_QUANTIZER: Final = 2  # A quantizer of the rule that is as close as this to the one asked for is not improved
+SPLAT_TRIES: Final = 3  # most fits of the splat-count search
 
 
 class IntraFrame(NamedTuple):
@@ -132,19 +126,7 @@ def quantizer_for(z: F8) -> int:
 def splats_for(
     target: Target, quantizer: int, rng: Generator, settings: IntraSettings, *, splats: int, most_splats: int
 ) -> int:
-    """The number of splats for which `quantizer_for` gives about this quantizer, found by fits of other numbers.
-
-    Parameters
-    ----------
-    target
-        The picture.
-    quantizer
-        0..79.
-    rng, settings
-        As in `encode_intra`.
-    splats, most_splats
-        The first number that is tried, and the largest.
-    """
+    """The number of splats for which `quantizer_for` gives about this quantizer, found by fits from `splats` on."""
     count = min(splats, most_splats)
     for attempt in rng.spawn(SPLAT_TRIES):
         z = fit(target, settings.fitted_splats(count), attempt, settings.initialization, settings.growth)

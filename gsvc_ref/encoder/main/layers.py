@@ -24,31 +24,14 @@ from gsvc_ref.paper import FrameType
 
 
 class LayeredFrameEncoder:
-    """Encodes frames with their layers in order.
-
-    Parameters
-    ----------
-    settings
-        All settings; `layers` or `layer_splats` says how many layers there are, and how good.
-    width, height, bit_depth
-        The size of the frames in pixels, and the bits of a sample.
-
-    Attributes
-    ----------
-    settings
-        The settings given.
-    parts
-        What encodes the base and each layer above it.
-    together
-        Whether a P-frame's layers are fitted with those above them.
-    """
+    """Encodes frames with their layers in order."""
 
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
-        self.parts = [  # the D of P-frames is that of all layers together
+        self.parts = [  # of the base and each layer above it; the D of P-frames is that of all layers together
             MainFrameEncoder(one, width, height, bit_depth, holds_level=False) for one in settings.of_layers()
         ]
-        self.together = not settings.layers
+        self.together = not settings.layers  # whether a P-frame's layers are fitted with those above them
         if settings.layers:  # each may need all splats that there is room for
             for part in self.parts:
                 part.most, part.room = max(1, part.most // len(self.parts)), part.room // len(self.parts)

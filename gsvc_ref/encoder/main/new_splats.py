@@ -19,20 +19,10 @@ from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.fitter import keep_inside
 from gsvc_ref.rendering.fast.threads import run_tasks
-from gsvc_ref.training.coordinates import (
-    PER_ROOT2,
-    PER_ROOT3,
-    PER_ROOT6,
-    ROOT2,
-    energies,
-    exp_kernel,
-    gradient_by_coordinates,
-    moved,
-    units,
-)
+from gsvc_ref.training import coordinates
+from gsvc_ref.training.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, ROOT2, energies, exp_kernel
 
-CUTOFF: Final = 3.0
-"""Candidates are cut off at so many deviations."""
+CUTOFF: Final = 3.0  # candidates are cut off at so many deviations
 
 FIRST_DECAY: Final = 0.9
 SECOND_DECAY: Final = 0.95
@@ -40,8 +30,7 @@ RATE: Final = 0.25
 LEAST_DEVIATION: Final = 1e-9
 """Adam's averages, its rate in units of D, and what keeps its quotient finite, in squared error per unit."""
 
-BAND: Final = 32
-"""Rows of candidates whose first responses are one task, or of pixels in opponent colours."""
+BAND: Final = 32  # rows of candidates whose first responses are one task, or of pixels in opponent colours
 
 
 class Grid(NamedTuple):
@@ -128,13 +117,13 @@ class NewSplats:
 
     def step(self, parameters: F4, gradient: F4, scale: float) -> None:
         """One step, given the parameters (n, 8) and the gradient of the loss by them; `scale` is SSE over loss."""
-        unit = units(self.z, self._D)
-        g = gradient_by_coordinates(parameters, gradient) * unit * scale
+        unit = coordinates.units(self.z, self._D)
+        g = coordinates.gradient_by_coordinates(parameters, gradient) * unit * scale
         self._first = FIRST_DECAY * self._first + (1 - FIRST_DECAY) * g
         self._second = SECOND_DECAY * self._second + (1 - SECOND_DECAY) * (g * g)
         one, two = self._decayed = self._decayed[0] * FIRST_DECAY, self._decayed[1] * SECOND_DECAY
         ratio = (self._first / (1 - one)) / (np.sqrt(self._second / (1 - two)) + LEAST_DEVIATION)
-        self.z = moved(self.z, -RATE * unit * ratio)
+        self.z = coordinates.moved(self.z, -RATE * unit * ratio)
         keep_inside(self.z, self._width, self._height)
 
     def keep(self, least: float) -> None:

@@ -10,42 +10,28 @@ from gsvc_ref.training.settings import Growth
 
 @dataclass(frozen=True)
 class IntraSettings:
-    """How long an I-frame is searched for.
-
-    Attributes
-    ----------
-    initialization
-        Evaluations while splats are added, beside one for each addition, and until they have found their places.
-    refinement
-        Evaluations after that, with the term of the bits.
-    growth
-        How splats come in the first of these.
-    surplus
-        Splats of the fit for each splat that is asked for.
-    moves
-        At which parts of the refinement the weakest splats move to where the picture is worst.
-    moved_share
-        How many of them move each time, at least, as a share of all.
-    removals
-        At which parts of it splats go whose energy is below `least_energy` D; they do at its end as well.
-    least_energy
-        In D.
-    parts
-        The shares of the splats that are rounded one after the other.
-    rounding
-        Evaluations before the first part is rounded and after each but the last.
-    """
+    """How long an I-frame is searched for; shares are in 0..1."""
 
     initialization: int = 100
+    """Evaluations while splats are added, beside one for each addition, and until they have found their places."""
     refinement: int = 80
+    """Evaluations after that, with the term of the bits."""
     growth: Growth = field(default_factory=lambda: Growth(end=0.45))
+    """How splats come in the first of these."""
     surplus: float = 1.2
+    """Splats of the fit for each splat that is asked for."""
     moves: tuple[float, ...] = ()
+    """At which parts of the refinement the weakest splats move to where the picture is worst."""
     moved_share: float = 0.04
+    """How many of them move each time, at least, as a share of all."""
     removals: tuple[float, ...] = (0.6, 0.8, 0.95)
+    """At which parts of it splats go whose energy is below `least_energy`; they do at its end as well."""
     least_energy: float = 1.5
+    """In D."""
     parts: tuple[float, ...] = (0.3, 0.25, 0.2, 0.15, 0.1)
+    """The shares of the splats that are rounded one after the other."""
     rounding: int = 8
+    """Evaluations before the first part is rounded and after each but the last."""
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -79,65 +65,44 @@ class IntraSettings:
 
 @dataclass(frozen=True)
 class InterSettings:
-    """How a P-frame is encoded; the defaults are preset `slow`.
-
-    Attributes
-    ----------
-    cells
-        The sides of the motion field's cells to choose from, in pixels, from large to small.
-    motion_steps
-        Gauss-Newton steps for each of them.
-    motion_rounds
-        How often the vectors of each are chosen by error and bits.
-    motion_price
-        Squared error that a bit of the field is worth, in D^2.
-    cell_gain
-        Bits that a splat is worth each time that the squared error halves, when cells are compared.
-    iterations, rounded_iterations
-        Of the proximal descent and of the descent with rounding.
-    progress
-        Proximal descent goes on for as long as LOOK iterations take this share off the squared error. Splats that
-        overlap much need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 %
-        off the bits.
-    length
-        The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH.
-    momentum
-        Of the proximal descent.
-    sparsity
-        Weight of the L1 term.
-    price
-        What a group costs, in 2 D^2.
-    new_gain
-        A new splat must promise to take more than this off the squared error, in D^2.
-    new_energy
-        New splats with an energy below this many D are dropped.
-    worth
-        A splat is removed where the squared error does not rise by this many D^2 without it.
-    new_share
-        Most new splats of a frame, as a share of the clip's number.
-    fall
-        Constant rate: D becomes finer once a P-frame has so many dB less than the first one after its I-frame. Each
-        frame leaves what is not worth its bits, and that adds up: without this, the last third of the 22 frames before
-        the demo clip's cut was 2.1 dB below the first. 200 leaves D as it is.
-    """
+    """How a P-frame is encoded; the defaults are preset `slow`."""
 
     cells: tuple[int, ...] = (64, 32, 16)
+    """The sides of the motion field's cells to choose from, in pixels, from large to small."""
     motion_steps: int = 4
+    """Gauss-Newton steps for each of them."""
     motion_rounds: int = 6
+    """How often the vectors of each are chosen by error and bits."""
     motion_price: float = 1.2
+    """Squared error that a bit of the field is worth, in D^2."""
     cell_gain: float = 2.4
+    """Bits that a splat is worth each time that the squared error halves, when cells are compared."""
     iterations: int = 80
     rounded_iterations: int = 30
+    """Of the proximal descent and of the descent with rounding."""
     progress: float = 0.01
+    """Proximal descent goes on as long as LOOK iterations take this share off the squared error. Splats that overlap
+    need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 % off the bits."""
     length: float = 0.5
+    """The step of a splat is this over its crowding, within LEAST_LENGTH and MOST_LENGTH."""
     momentum: float = 0.95
+    """Of the proximal descent."""
     sparsity: float = 0.4
+    """Weight of the L1 term."""
     price: float = 0.9
+    """What a group costs, in 2 D^2."""
     new_gain: float = 9.0
+    """A new splat must promise to take more than this off the squared error, in D^2."""
     new_energy: float = 4.5
+    """New splats with an energy below this many D are dropped."""
     worth: float = 1.0
+    """A splat is removed where the squared error does not rise by this many D^2 without it."""
     new_share: float = 0.1
+    """Most new splats of a frame, as a share of the clip's number."""
     fall: float = 1.5
+    """Constant rate: D becomes finer once a P-frame has so many dB less than the first one after its I-frame. What is
+    not worth its bits adds up: without this, the last third of the 22 frames before the demo clip's cut was 2.1 dB
+    below the first. 200 leaves D as it is."""
 
     def __post_init__(self) -> None:
         check_types(self)

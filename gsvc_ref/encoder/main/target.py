@@ -16,11 +16,8 @@ from gsvc_ref.training.coordinates import gradient_by_coordinates, to_coordinate
 OnEvaluation = Callable[[float], None]
 """Called with the loss, as in `Objective`."""
 
-SQUARE_OF_8_BITS: Final = 255.0 * 255.0
-"""A squared error of 1 in units of 8 bits."""
-
-LEAST_LOSS: Final = 1e-12
-"""The loss of a picture without error, so that its PSNR is finite."""
+SQUARE_OF_8_BITS: Final = 255.0 * 255.0  # A squared error of 1 in units of 8 bits
+LEAST_LOSS: Final = 1e-12  # the loss of a picture without error, so that its PSNR is finite
 
 
 class Target:

@@ -11,10 +11,8 @@ from gsvc_lab.benchmarks.encoders import CHECKOUT, Case, Worker, fall, mean_psnr
 TINY = Case("scene:water", 3, 96, 64, 80)
 
 
-@pytest.mark.parametrize(
-    "profile",
-    [pytest.param(name, marks=[] if name == "main" else [pytest.mark.exhaustive]) for name in encoders.PROFILES],
-)
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("profile", encoders.PROFILES)
 def test_a_worker_tells_each_frame_of_an_encode(profile):
     with Worker(CHECKOUT) as worker:
         first, again = (worker.encoded(TINY.request(profile, 1)) for _ in range(2))

@@ -85,6 +85,7 @@ def test_no_link_breaks(site):
     assert broken_links(site) == []
 
 
+@pytest.mark.exhaustive
 def test_a_broken_link_is_found(site, tmp_path):
     copy = tmp_path / "site"
     shutil.copytree(site, copy)

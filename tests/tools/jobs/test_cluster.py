@@ -73,7 +73,7 @@ def open_only(address: str) -> None:
         pass
 
 
-@pytest.mark.parametrize("action", ["die", "full"])
+@pytest.mark.parametrize("action", ["die", pytest.param("full", marks=pytest.mark.exhaustive)])
 def test_the_same_bytes_with_a_worker_that_dies_or_has_no_room(local, tmp_path, whole, action):
     marker, file = tmp_path / "done", io.BytesIO()
     with opened_cluster(local.scheduler_address) as cluster:

@@ -126,7 +126,13 @@ def test_the_same_bytes_and_reports_whoever_encodes(settings):
     assert odd.most > 1 or settings.key_frames == "auto"
 
 
-@pytest.mark.parametrize("settings", [fast(key_frames=3), paper_quick(iterations=3, key_frames=4, threads=1)])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        fast(key_frames=3),
+        pytest.param(paper_quick(iterations=3, key_frames=4, threads=1), marks=pytest.mark.exhaustive),
+    ],
+)
 def test_the_same_bytes_in_processes(settings):
     _, data = encoded(CLIP, settings)
     report, same = encoded(CLIP, settings.with_(threads=None), jobs=2)

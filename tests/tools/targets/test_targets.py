@@ -9,8 +9,8 @@ from codec_cases import fast, paper_fast, video_format, waves
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder import IncompleteEncodeError, Settings, encode
-from gsvc_ref.metrics import libvmaf
 from gsvc_ref.stream import decode
+from gsvc_tools import libvmaf
 from gsvc_tools.targets import targets
 from gsvc_tools.targets.targets import NEAR_TARGET
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.metrics import Vmaf, VmafMeter, vmaf
-from gsvc_ref.metrics.libvmaf import MIN_SIDE, ffmpeg_with_libvmaf
+from gsvc_ref.metrics import Vmaf
+from gsvc_tools.libvmaf import MIN_SIDE, VmafMeter, ffmpeg_with_libvmaf, vmaf
 
 needs_libvmaf = pytest.mark.skipif(ffmpeg_with_libvmaf()[0] is None, reason="no ffmpeg with libvmaf here")
 RATE = Fraction(24)

@@ -8,9 +8,8 @@ import pytest
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder.source_and_target import FrameSource
-from gsvc_ref.video import FrameRateReader, Resampled, ScaledReader
 from gsvc_ref.video.format import array_format
-from gsvc_ref.video.resampling import resampled, scaled_size
+from gsvc_tools.video.resampling import FrameRateReader, Resampled, ScaledReader, resampled, scaled_size
 
 RATE = Fraction(24)
 

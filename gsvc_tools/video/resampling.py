@@ -26,7 +26,7 @@ LEAST_SCALING: Final = 1 / 256
 """Minimum factor of a size, and of a frame rate."""
 
 LONGEST_REPEAT_S: Final = 3600
-"""A frame is repeated for at most so many seconds: times that are damaged may be years apart."""
+"""Seconds for which a frame is repeated at most: times that are damaged may be years apart."""
 
 
 class _Changed(PassingReader):
@@ -45,20 +45,10 @@ class _Changed(PassingReader):
 
 
 class ScaledReader(_Changed):
-    """The frames of another reader at another size; each must be read once, in order.
+    """The frames of another reader, which is closed with this one, at another size.
 
-    Parameters
-    ----------
-    reader
-        Gives the frames; it is closed with this one.
-    scale
-        A factor for width and height, or both in pixels. Pixels keep their shape with a factor; with width and height
-        the whole picture is kept, and the sample aspect ratio changes with it.
-
-    Raises
-    ------
-    UsageError
-        The size has no pixels, or more than 65535 on a side or 2^28 in all, or the factor is out of 1/256..16.
+    Pixels keep their shape with a factor; with width and height the whole picture is kept, and the sample aspect ratio
+    changes with it.
     """
 
     def __init__(self, reader: VideoReader, scale: Scale) -> None:
@@ -86,18 +76,6 @@ class FrameRateReader(_Changed):
 
     A frame is shown from its own time until that of the next one. Times are those of the reader, where it tells them
     (`frame_time`), else those of its frame rate. At a lower rate frames are left out, and at a higher one repeated.
-
-    Parameters
-    ----------
-    reader
-        Gives the frames; it is closed with this one.
-    frame_rate
-        Frames per second: a whole number, a Fraction, or a text such as ``30000/1001``.
-
-    Raises
-    ------
-    UsageError
-        It is no number above 0, or out of 1/256..16 times that of the source.
     """
 
     def __init__(self, reader: VideoReader, frame_rate: FrameRate) -> None:
@@ -151,15 +129,7 @@ class VideoOpener(Protocol):
 
 
 class Resampled:
-    """A source that can be opened again and again, at another size and frame rate: what `gsvc_ref.encode` takes.
-
-    Parameters
-    ----------
-    opened
-        Gives a new reader of the source.
-    scale, frame_rate
-        As of `ScaledReader` and `FrameRateReader`; None changes nothing.
-    """
+    """A source that can be opened again and again, at another size and frame rate: what `gsvc_ref.encode` takes."""
 
     def __init__(self, opened: VideoOpener, scale: Scale | None = None, frame_rate: FrameRate | None = None) -> None:
         self._opened, self._scale, self._frame_rate = opened, scale, frame_rate
@@ -179,13 +149,7 @@ class Resampled:
 
 
 def scaled_size(width: int, height: int, scale: Scale) -> tuple[int, int]:
-    """Width and height by a factor, rounded to the nearest whole numbers and at least 1, or as they are given.
-
-    Raises
-    ------
-    UsageError
-        As `ScaledReader`.
-    """
+    """Width and height by a factor, rounded to the nearest whole numbers and at least 1, or as they are given."""
     if isinstance(scale, tuple):
         wide, high = scale
     else:

@@ -13,7 +13,6 @@ import os
 import subprocess
 import tempfile
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fractions import Fraction
 from itertools import zip_longest
 from pathlib import Path
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_ref.metrics.comparison import Vmaf
 from gsvc_ref.metrics.squared_error import check_pair
 
 MODEL: Final = "vmaf_v0.6.1"
@@ -35,26 +35,6 @@ MIN_SIDE: Final = 32
 
 _LOG_NAME: Final = "vmaf.json"
 _MAX_THREADS: Final = 8
-
-
-@dataclass(frozen=True)
-class Vmaf:
-    """The scores of a comparison, or why there are none.
-
-    Attributes
-    ----------
-    scores
-        One score of about 0..100 per frame, in order; None when VMAF could not be had. By the model's own making,
-        identical frames without motion score about 97.4, not 100.
-    mean
-        Their arithmetic mean, or None.
-    reason
-        Why there are no scores and what to do about it; None when there are.
-    """
-
-    scores: tuple[float, ...] | None
-    mean: float | None
-    reason: str | None
 
 
 def ffmpeg_with_libvmaf() -> tuple[str | None, str | None]:
@@ -76,19 +56,8 @@ def ffmpeg_with_libvmaf() -> tuple[str | None, str | None]:
 class VmafMeter:
     """A meter that scores pairs of frames as they come; a context manager.
 
-    Where VMAF cannot be had, :meth:`add` does nothing and :meth:`finish` gives the reason.
-
-    Parameters
-    ----------
-    peak
-        Largest sample value of the frames, 2^bit_depth - 1.
-    frame_rate
-        Frames per second; only passed on, the scores do not depend on it.
-
-    Raises
-    ------
-    UsageError
-        The frame rate is not positive.
+    `peak` is the largest sample value of the frames, 2^bit_depth - 1; scores do not depend on the frame rate. Where
+    VMAF cannot be had, `add` does nothing and `finish` gives the reason.
     """
 
     def __init__(self, peak: int, frame_rate: Fraction) -> None:
@@ -111,13 +80,7 @@ class VmafMeter:
         self.close()
 
     def add(self, reference: Frame, distorted: Frame) -> None:
-        """Hand over the next pair of (H, W, 3) u1 or u2 frames.
-
-        Raises
-        ------
-        UsageError
-            The frames do not fit each other or the peak.
-        """
+        """Hand over the next pair of (H, W, 3) u1 or u2 frames; a UsageError says that they do not fit."""
         check_pair(reference, distorted, self._peak)
         self._count += 1
         if min(reference.shape[:2]) < MIN_SIDE:
@@ -218,23 +181,9 @@ class VmafMeter:
 
 
 def vmaf(reference: Iterable[Frame], distorted: Iterable[Frame], frame_rate: Fraction, peak: int = 0xFF) -> Vmaf:
-    """VMAF of every frame and their mean, or the reason why it could not be had.
+    """VMAF of every pair of frames (H, W, 3) u1 or u2 and its mean, or the reason why it could not be had.
 
-    Parameters
-    ----------
-    reference, distorted
-        Equally many (H, W, 3) u1 or u2 frames of one size; read once, one pair at a time.
-    frame_rate
-        Frames per second.
-    peak
-        Largest sample value, 2^bit_depth - 1.
-
-    Raises
-    ------
-    GsvcError
-        The two sides have different numbers of frames.
-    UsageError
-        The frames do not fit each other or the peak.
+    Frames are read once. A GsvcError says that the two sides have different numbers of them.
     """
     with VmafMeter(peak, frame_rate) as meter:
         for first, second in zip_longest(reference, distorted):
