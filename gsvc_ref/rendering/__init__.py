@@ -8,7 +8,6 @@ and in which order operations come where every bit is fixed. `renderer`,
 
 from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.rendering.bounds import exact_gradients_with_bound, render_exact_with_bound
-from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.rendering.losses import Loss, loss
 from gsvc_ref.rendering.objective import Objective
 from gsvc_ref.rendering.pictures import to_frame, to_frame_deterministic
@@ -44,7 +43,6 @@ __all__ = [
     "render_gradients",
     "render_sum",
     "render_sum_deterministic",
-    "rendering_work",
     "to_frame",
     "to_frame_deterministic",
 ]
