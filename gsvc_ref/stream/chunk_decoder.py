@@ -298,7 +298,7 @@ class ChunkDecoder:
         layers = place.layers
         if layers is None or not layers.takes_chunks:
             return False
-        if layers.last >= min(layers.quality, self.header.layer_count - 1):
+        if layers.last >= min(layers.highest, self.header.layer_count - 1):
             return False
         with self.source.lock:
             self.source.seek(place.offset)
