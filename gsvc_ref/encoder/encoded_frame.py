@@ -49,7 +49,7 @@ class EncodedFrame:
     iterations
         The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
     seconds
-        Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
+        Time by stage: start, fit, quantize, check; in profile `main` intra, inter, check.
     decisions
         The decisions of its coder; described, one about each effect.
     reason

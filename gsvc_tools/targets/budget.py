@@ -16,9 +16,9 @@ from gsvc_base.portable import log2, power, total
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.loop import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import coder_of
 from gsvc_ref.main.tables import QUANTIZERS

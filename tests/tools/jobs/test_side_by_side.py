@@ -18,8 +18,8 @@ from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.interrupts import INSISTING_S
 from gsvc_ref.encoder import IncompleteEncodeError, encode
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import open_writer
 from gsvc_tools.jobs import groups, side_by_side
