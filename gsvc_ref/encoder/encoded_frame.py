@@ -72,7 +72,7 @@ class EncodedFrame:
     elapsed_s: float = 0.0
 
     def has_chunk(self, part: EncodedLayer) -> bool:
-        """Whether one of its layers has a chunk of its own: not the base, and not one that repeats with an R-frame."""
+        """Whether one of its layers has its own chunk: not the base, and not one that repeats with an R-frame."""
         return part.layer > 0 and (part.codes.type, self.codes.type) != ("R", "R")
 
 

@@ -134,7 +134,7 @@ def first_level(settings: Settings, video: VideoFormat, coder: GroupCoder) -> in
 
 
 def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least: int) -> int:
-    """The lowest level from `least` on that allows a second of frames with as many splats as they are meant to have."""
+    """The lowest level from `least` on that allows a second of frames with the splats that they are meant to have."""
     width, height = video.width, video.height
     size = settings.counted_splats if settings.profile == "main" else settings.most_splats
     has_quality = settings.psnr is not None or settings.quality is not None  # then nobody knows the splats beforehand

@@ -114,7 +114,7 @@ class BudgetCoder:
         return bool(self._coder.decides_first)
 
     def decided(self) -> tuple[int, ...]:
-        """What that is, behind the first frame of the stream."""
+        """What the first frame has decided, once it is encoded."""
         return tuple(self._coder.decided())
 
     def decide(self, decided: tuple[int, ...]) -> None:
@@ -208,7 +208,7 @@ class BudgetCoder:
         slope: float,
         tries: int,
     ) -> tuple[EncodedFrame, float, float]:
-        """The frame of those tried with the nearest number of bits, these, and its value; the coder is behind it.
+        """The frame of those tried with the nearest number of bits, these, and its value; the coder goes on from it.
 
         Parameters
         ----------
