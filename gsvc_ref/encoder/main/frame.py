@@ -42,6 +42,7 @@ from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
@@ -51,7 +52,6 @@ from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
-from gsvc_ref.training.motion import estimated_motion
 
 P_TRIES: Final = 8  # constant quality: the most values of D that are tried for a P-frame
 
