@@ -9,11 +9,11 @@ import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, I8
+from gsvc_ref.encoder.main.coordinates import to_coordinates, to_parameters
+from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.fitter import FIT_D, descend, fit
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.training import NEW, Growth
-from gsvc_ref.training.coordinates import to_coordinates, to_parameters
-from gsvc_ref.training.descent import Walk
 
 GROWTH: Final = Growth(end=0.45)
 """When the splats of an I-frame are added: early, so that the last ones find their places too."""

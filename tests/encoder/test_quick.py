@@ -5,11 +5,11 @@ import pytest
 from codec_cases import faint_splats
 
 from gsvc_base.splats import Splats
+from gsvc_ref.encoder.main.coordinates import moved, to_coordinates, to_parameters
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.quick import GRADIENT_SHARE, exchanged, grown, refitted
 from gsvc_ref.rendering import Objective, render, render_sum
 from gsvc_ref.training import MIN_FACTOR, NEW, loss_of_psnr, psnr_of_loss
-from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters
 
 SIDE = 48
 

@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.codes import PER_NEPER, put_coordinates
+from gsvc_ref.encoder.main.coordinates import ROOT2, exp_kernel, limited, put_gradient, put_parameters
 from gsvc_ref.main.codes import GROUP_ENDS
 from gsvc_ref.main.reconstruct import position_step, sheared_step
 from gsvc_ref.main.state import A_LEAST, A_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, class_of
-from gsvc_ref.training.coordinates import ROOT2, exp_kernel, limited, put_gradient, put_parameters
 
 LEAST_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
 MOST_LOG: Final = A_MOST / PER_NEPER
