@@ -42,6 +42,7 @@ from typing import Final
 import numpy as np
 
 from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import LN2_PARTS
 from gsvc_ref._jit import kernel
 
 PER_ROOT3: Final = 1 / math.sqrt(3.0)
@@ -53,8 +54,7 @@ ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 
 LEAST_FACTOR: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
 LEAST_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
 
-_LN2_HIGH: Final = 0.6931471803691238
-_LN2_LOW: Final = 1.9082149292705877e-10
+_LN2_UPPER, _LN2_LOWER = LN2_PARTS
 _PER_LN2: Final = 1 / math.log(2)
 _EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
@@ -69,7 +69,7 @@ def energies(z: F8) -> F8:
 def exp_kernel(x: float) -> float:
     """`portable.exp` of a number between -700 and 700."""
     whole = np.rint(x * _PER_LN2)
-    rest = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
+    rest = (x - whole * _LN2_UPPER) - whole * _LN2_LOWER
     total = _EXP[0]
     for i in range(1, 14):
         total = total * rest + _EXP[i]
@@ -87,7 +87,7 @@ def log_kernel(x: float) -> float:
     total = _LOG[0]
     for i in range(1, 12):
         total = total * square + _LOG[i]
-    return exponent * _LN2_HIGH + (ratio * total + exponent * _LN2_LOW)
+    return exponent * _LN2_UPPER + (ratio * total + exponent * _LN2_LOWER)
 
 
 @kernel(inline=True)
