@@ -7,11 +7,10 @@ people read of all that. With gsvc_lab installed, gsvc_ref opens
 ``accuracy``, ``scene`` and ``demo``.
 """
 
-from gsvc_lab.cli.report import after_encode as _after_encode
 from gsvc_lab.scenes.names import SCENES as _SCENES
 from gsvc_ref import plugins as _plugins
 
 _plugins.add_source(_SCENES)
-_plugins.set_page_writer(_after_encode)
+_plugins.set_page_writer("gsvc_lab.cli.report")
 for _command in ("report", "bench", "accuracy", "scene", "demo"):
     _plugins.add_command(_command, f"gsvc_lab.cli.{_command}")

@@ -13,9 +13,10 @@
     gsvc_ref.concat(["morning.gsvc", "noon.gsvc"], "day.gsvc")  # one stream, without decoding a splat
     gsvc_ref.write("mine.gsvc", [parameters], 320, 240)         # splats of any trainer, an (N, 8) array for each frame
 
-spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `reconstruction`, `rendering` and
-`quantization` do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and
-`testing` has Hypothesis strategies for those who test an implementation of their own.
+spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `main`, `paper` and `rendering`
+do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and `testing` has
+Hypothesis strategies for those who test another implementation. What gsvc_tools adds, such as `concat`, it offers
+through `plugins`.
 
 The operations of spec.md are here by their names, as fast functions with the arguments of section 4.3; `spec` has
 their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array of its parameters:

@@ -12,7 +12,7 @@ package offers, by the functions here:
 - `set_page_writer`: the page of ``gsvc encode --report``.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
-commands and names are registered with the name of a module, which is imported when it is used.
+most is registered with the name of a module, which is imported when it is used.
 
 All rooms import this module, so it imports none of them, and their types are Any here.
 """
@@ -91,7 +91,7 @@ _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
 _vmaf_meters: Final[list[str]] = []
-_page_writers: Final[list[PageWriter]] = []
+_page_writers: Final[list[str]] = []
 
 
 def add_command(name: str, module: str) -> None:
@@ -133,9 +133,9 @@ def set_vmaf_meter(module: str) -> None:
     _vmaf_meters.append(module)
 
 
-def set_page_writer(write: PageWriter) -> None:
-    """Let ``gsvc encode --report`` write its page by this function."""
-    _page_writers.append(write)
+def set_page_writer(module: str) -> None:
+    """Let ``gsvc encode --report`` write its page by the function ``after_encode`` of a module."""
+    _page_writers.append(module)
 
 
 def commands() -> Mapping[str, str]:
@@ -210,9 +210,9 @@ def vmaf_meter() -> MakeVmafMeter | None:
 
 
 def page_writer() -> PageWriter | None:
-    """What was given to `set_page_writer` last, or None."""
+    """The function of the module that was given to `set_page_writer` last, or None."""
     _load()
-    return _page_writers[-1] if _page_writers else None
+    return cast("PageWriter", import_module(_page_writers[-1]).after_encode) if _page_writers else None
 
 
 @cache

@@ -11,7 +11,7 @@ from gsvc_base.errors import GsvcError
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.stream import decode
-from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Growth, Rates
+from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Rates
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 
@@ -70,7 +70,7 @@ def adan_fast(iterations=4, **overrides) -> Settings:
         learn_pixels=True, relative_steps=True, convergence=None, pruning=None,
     )  # fmt: skip
     tune = few.with_(iterations=max(1, round(0.4 * iterations)), rates=Rates(0.1, 0.05, 0.01))
-    intra = few.with_(rates=Rates(1.0, 0.5, 0.05, 0.05), growth=Growth())
+    intra = few.with_(rates=Rates(1.0, 0.5, 0.05, 0.05))
     inter = few.with_(iterations=max(1, round(0.4 * iterations)), rates=Rates(0.2, 0.08, 0.008, 0.008))
     return replace(
         settings,

@@ -22,7 +22,8 @@ from gsvc_ref.video.stream import VideoReader
 
 WITHOUT = """
 import importlib.metadata, sys
-importlib.metadata.entry_points = lambda **_: ()
+of_others = importlib.metadata.entry_points
+importlib.metadata.entry_points = lambda **asked: () if asked else of_others()
 from gsvc_ref.cli import main
 code = main({words!r})
 print({"gsvc_tools", "gsvc_lab"} & set(sys.modules))
@@ -119,6 +120,27 @@ def test_names_and_files_of_a_plugin_that_is_missing(monkeypatch, tmp_path):
         open_writer(tmp_path / "copy.mp4", GreyReader("grey:1").format)
     compared = compare_frames(GreyReader("grey:1"), GreyReader("grey:1"), 255, with_vmaf=True)
     assert "VMAF needs gsvc_tools" in compared.vmaf.reason
+
+
+@pytest.mark.parametrize("asked", [{"jobs": 2}, {"resume": "kept"}, {"settings": gsvc_ref.Settings.quick(size=1000)}])
+def test_an_encode_that_needs_a_plugin_is_refused_without_it(monkeypatch, tmp_path, asked):
+    monkeypatch.setattr(plugins, "_encoders", [])
+    clip = np.zeros((1, 16, 16, 3), np.uint8)
+    with pytest.raises(UsageError, match=r"jobs, an executor, resume and targets .* need gsvc_tools"):
+        gsvc_ref.encode(clip, tmp_path / "x.gsvc", **asked)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_command_encode_works_without_plugins(tmp_path):
+    source, target = tmp_path / "a.y4m", tmp_path / "a.gsvc"
+    source.write_bytes(b"YUV4MPEG2 W16 H16 F25:1 C420jpeg\nFRAME\n" + bytes(384))
+    encoded = without_plugins("encode", str(source), str(target), "--splats", "2")
+    assert encoded.returncode == 0, encoded.stderr
+    assert [frame.shape for frame in gsvc_ref.decode(target)] == [(16, 16, 3)]
+    assert "unknown argument --jobs" in without_plugins("encode", str(source), str(target), "--jobs", "2").stderr
+    refused = without_plugins("encode", str(source), str(target), "--size", "900")
+    assert refused.returncode == 2
+    assert "need gsvc_tools" in refused.stderr
 
 
 def test_all_that_gsvc_ref_asks_for_is_offered():

@@ -166,3 +166,15 @@ def test_the_pixel_of_profile_paper():
     g = np.exp(-1 / 32)
     assert f"g = {g:.5f}" in TEXT
     assert np.rint(255 * g * np.array([0.75, 0.5, 0.25])).tolist() == pixel.tolist()
+
+
+@pytest.mark.parametrize("name", ["adapt_model", "half_frequencies", "pruning_plan", "splat_classes"])
+def test_an_operation_is_named_where_the_list_of_places_says(name):
+    part = TEXT[TEXT.index("**... add an operation?**") : TEXT.index("**... change what is in a stream?**")]
+    places = [(TOUR.parent / target).resolve() for _, target in re.findall(r"\[([^\]]*)\]\(([^)]*)\)", part)]
+    kit = ROOT / "conformance" / "gsvc_conformance"
+    sources = [path for path in kit.rglob("*.py") if "adapters" not in path.parts]
+    sources += [ROOT / "spec.md", *(ROOT / "gsvc_ref").rglob("*.pyi")]
+    naming = [path for path in sources if re.search(rf"\b{name}\b", path.read_text(encoding="utf-8"))]
+    assert len(naming) >= 5
+    assert [path for path in naming if not any(path.is_relative_to(place) for place in places)] == []

@@ -5,11 +5,15 @@ other is `Other`, with what gsvc_ref has instead and why; `gsvc_conformance.oper
 no function in the code of spec.md either, because many answers are right.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Final
 
 import numpy as np
+
+from gsvc_base.document import PATH
 
 
 @dataclass(frozen=True)
@@ -44,62 +48,23 @@ class Free(Other):
 
 TWIN: Final = Twin()
 
-PAIRS: Final[Mapping[str, Twin | Other]] = {
-    "read_stream": TWIN,
-    "decode_plane": TWIN,
-    "encode_plane": TWIN,
-    "reconstruct_stream": TWIN,
-    "seek": TWIN,
-    "decode_stream": TWIN,
-    "decode_stream_deterministic": TWIN,
-    "from_half": TWIN,
-    "to_half": TWIN,
-    "reconstruct_intra": TWIN,
-    "reconstruct_inter": TWIN,
-    "parameter_checksum": TWIN,
-    "rendering_work": TWIN,
-    "render_sum": TWIN,
-    "render_sum_deterministic": TWIN,
-    "to_frame": TWIN,
-    "to_frame_deterministic": TWIN,
-    "render_frame": TWIN,
-    "render_gradients": TWIN,
-    "scale_parameters": TWIN,
-    "loss": TWIN,
-    "weighted_parameters": TWIN,
-    "weighted_gradients": TWIN,
-    "learning_rates": TWIN,
-    "adan_step": TWIN,
-    "pruning_plan": TWIN,
-    "prune": TWIN,
-    "compact": TWIN,
-    "augment": TWIN,
-    "select_key_frames": TWIN,
-    "converged": TWIN,
-    "lsq_quantize": TWIN,
-    "lsq_dequantize": TWIN,
-    "lsq_gradients": TWIN,
-    "rvq_assign": TWIN,
-    "rvq_update": TWIN,
-    "commitment": TWIN,
-    "planes_to_frame": TWIN,
-    "frame_to_planes": TWIN,
+INSTEAD: Final[Mapping[str, Other]] = {
     "metrics": Other("gsvc_ref.metrics:psnr", "mse, psnr and ms_ssim are functions of a module of this name"),
-    "read_main_stream": TWIN,
-    "reconstruct_layers": TWIN,
-    "encode_run": TWIN,
-    "density_frequencies": TWIN,
-    "half_frequencies": TWIN,
-    "model_frequencies": TWIN,
-    "adapt_model": TWIN,
-    "mode_contexts": TWIN,
-    "splat_classes": TWIN,
-    "main_intra": TWIN,
-    "motion_of_splats": TWIN,
-    "main_inter": TWIN,
-    "state_parameters": TWIN,
     "encode_video": Free("gsvc_ref.encoder:encode", "an encoder is free: whatever decodes to what was asked is right"),
 }
+"""By name of the operation; all others are twins."""
+
+_ROW: Final = re.compile(r"^\| `(\w+)` \| ([\d.]+) \| .* \| .* \|$", re.MULTILINE)
+
+
+@cache
+def sections() -> Mapping[str, str]:
+    """The section of spec.md that defines each operation, in the order of its section 4.3."""
+    text = PATH.read_text(encoding="utf-8")
+    return dict(_ROW.findall(text, text.index("\n### 4.3 "), text.index("\n## 5 ")))
+
+
+PAIRS: Final[Mapping[str, Twin | Other]] = {name: INSTEAD.get(name, TWIN) for name in sections()}
 """By name of the operation, in the order of spec.md section 4.3."""
 
 

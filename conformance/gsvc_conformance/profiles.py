@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from gsvc_conformance.operation import Operation, Values
+from gsvc_conformance.pairs import sections
 
 PROFILES: Final = ("paper", "main")
 """The profiles of spec.md section 5, by their values."""
@@ -17,13 +18,8 @@ OF_PAPER: Final = (
     "lsq_gradients", "rvq_assign", "rvq_update", "commitment",
 )  # fmt: skip
 """Operations without a stream that sections 6.5 to 8 and 10.5 to 10.6 define."""
-OF_MAIN: Final = (
-    "encode_run", "density_frequencies", "half_frequencies", "model_frequencies", "adapt_model", "mode_contexts",
-    "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters",
-)  # fmt: skip
-"""Operations without a stream that section 15 defines."""
-OF_MAIN_STREAMS: Final = ("read_main_stream", "reconstruct_layers")
-"""Operations on streams that profile `main` alone has."""
+SECTION_OF_MAIN: Final = "15."
+"""What the numbers of sections begin with that define an operation of profile `main` alone."""
 
 
 def profile_of(operation: Operation, inputs: Values) -> str:
@@ -38,7 +34,7 @@ def profile_of(operation: Operation, inputs: Values) -> str:
     inputs
         Its inputs, by name.
     """
-    if operation.name in (*OF_MAIN, *OF_MAIN_STREAMS):
+    if sections().get(operation.name, "").startswith(SECTION_OF_MAIN):
         return "main"
     if operation.name in OF_PAPER:
         return "paper"

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 from typing import Final
 
 from gsvc_lab.accuracy.sources import Source
-from gsvc_ref.encoder.frame import FrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.settings import Settings
 
 MAX_POINTS: Final = 200
 
-PHASES: Final = {"fit": "fit", "rate": "rate control", "quantize": "fine-tuning with quantisation"}
+PHASES: Final = {"fit": "fit", "quantize": "fine-tuning with quantisation"}
 
 OnTime = Callable[[float], None]
 """Called now and then with the seconds since the beginning."""
@@ -51,7 +51,7 @@ class _TimeIsUpError(Exception):
 def encoding_curve(settings: Settings, source: Source, limit: float, on_time: OnTime = lambda seconds: None) -> Curve:
     """Encode the source as the first I-frame of a stream, for at most `limit` seconds.
 
-    The time includes the start, the choice of the stream's quantisers and the last check.
+    The time includes the start and the last check.
     """
     height, width = source.frame.shape[:2]
     encoder = FrameEncoder(settings, width, height, source.bit_depth)

@@ -1,7 +1,9 @@
 """Work that is timed: rendering, coding and training with one setting, and how good its outcome is."""
 
-from dataclasses import dataclass, field
+import math
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from io import BytesIO
 from typing import Any, Final, Literal, Protocol
 
 import numpy as np
@@ -10,10 +12,11 @@ from gsvc_base.arrays import F4, F8
 from gsvc_base.splats import Splats
 from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
-from gsvc_ref.encoder.quantizer_choice import frame_bytes
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
+from gsvc_ref.stream import StreamWriter
 from gsvc_ref.training import (
     KEPT_WEIGHT,
     NEW,
@@ -26,24 +29,27 @@ from gsvc_ref.training import (
     OnIteration,
     Population,
     Rates,
+    Schedule,
     fine_tune,
     fit,
     image_start,
     random_splats,
     uniform_numbers,
 )
+from gsvc_ref.training.augmentation import residual_splats
+from gsvc_ref.training.edges import NEW_SIZE
 
 QUICK_FIT: Final = FitSettings(
-    iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), schedule=Cosine(steps=150, final=0.02), growth=Growth(),
+    iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), schedule=Cosine(steps=150, final=0.02),
     optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), learn_pixels=True, relative_steps=True,
     convergence=None, pruning=None,
 )  # fmt: skip
-"""Adan with few and well-sized steps: what preset quick was before it took L-BFGS, whose parts the groups compare."""
+"""Adan with few and well-sized steps, in which splats are added: what preset quick was before it took L-BFGS."""
 
-QUICK_TUNE: Final = QUICK_FIT.with_(
-    iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(steps=60, final=0.05), growth=None
-)
-"""Its fine-tuning, by any quantisers; rounding in stages, which took its place, chooses steps of positions itself."""
+GROWTH: Final = Growth()
+
+QUICK_TUNE: Final = QUICK_FIT.with_(iterations=60, rates=Rates(0.1, 0.05, 0.01), schedule=Cosine(steps=60, final=0.05))
+"""Its fine-tuning, by any quantisers."""
 
 ASSESSED_WITH: Final[Precision] = "deterministic"
 """Precision that renders what was coded or trained: 1e-4 of a step from the exact sum, the same on every machine."""
@@ -196,13 +202,27 @@ class Coding:
         quantizer = FrameQuantizer(picture.population, picture.objective(), *blocks, before, rng)
         values = picture.population.parameters()
         codes, state, _ = fine_tune(values, quantizer, picture.objective(), QUICK_TUNE)
-        return codes, state, frame_bytes(codes, settings, before)
+        elements = settings.quantizer_elements()
+        header = SequenceHeader(level=max(LEVELS), width=before.width, height=before.height, **elements)
+        return codes, state, StreamWriter(BytesIO(), header).write_frame(codes).size
 
     def assess(self, picture: SourcePicture, outcome: tuple[FrameCodes, State, int]) -> Quality:
         """Compare with the exact picture of the splats before they were coded, both clamped."""
         decoded = render_sum(outcome[1].splats, picture.width, picture.height, precision=ASSESSED_WITH)
         errors = Errors.between(np.clip(decoded, 0, 1), np.clip(picture.exact, 0, 1))
         return Quality(errors, picture.source_psnr(decoded), outcome[2])
+
+
+@dataclass(frozen=True)
+class _Later:
+    """A schedule from an iteration on."""
+
+    schedule: Schedule
+    begin: int
+
+    def __call__(self, iteration: int) -> float:
+        """The factor of an iteration."""
+        return self.schedule(self.begin + iteration)
 
 
 @dataclass(frozen=True)
@@ -217,6 +237,8 @@ class Training:
         ``image``, or ``random`` as in the paper, with its weight w folded into the colours.
     fit
         Settings of the fit.
+    growth
+        Begin with few splats, and add the others where the residual is; None: all at once.
     precision
         Precision of the loss and its gradient: ``fast`` or ``deterministic``.
     """
@@ -224,22 +246,36 @@ class Training:
     pixels_per_splat: int = PIXELS_PER_SPLAT
     start: Literal["image", "random"] = "image"
     fit: FitSettings = field(default=QUICK_FIT)
+    growth: Growth | None = GROWTH
     precision: Precision = "fast"
 
     def fitted(self, picture: SourcePicture, seed: int, on_iteration: OnIteration | None = None) -> Population:
         """The splats at the end."""
         rng = np.random.default_rng([seed, 0])
         total = max(1, picture.width * picture.height // self.pixels_per_splat)
-        count = self.fit.growth.start(total) if self.fit.growth else total
+        count = self.growth.start(total) if self.growth else total
         if self.start == "image":
             splats = image_start(picture.picture, count, rng)
         else:
             drawn = random_splats(uniform_numbers(count, rng), picture.width, picture.height)
             splats = Splats(drawn.positions, drawn.cholesky, drawn.colors * np.float32(NEW_WEIGHT))
-        population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit)
-        objective = picture.objective(self.precision)
-        fit(population, objective, self.fit, rng, total=total, on_iteration=on_iteration)
+        population = Population(splats, KEPT_WEIGHT, np.full(count, NEW, np.int64), self.fit.optimizer)
+        objective, done = picture.objective(self.precision), 0
+        for iteration, splats_then in (self.growth.counts(total, self.fit.iterations) if self.growth else {}).items():
+            self._fit(population, objective, done, iteration, on_iteration)
+            objective.loss(population.parameters())
+            added, done = splats_then - len(population), iteration
+            size = NEW_SIZE * math.sqrt(objective.width * objective.height / splats_then)
+            population.append(residual_splats(-objective.residual(), added, size, rng), KEPT_WEIGHT)
+        self._fit(population, objective, done, self.fit.iterations, on_iteration)
         return population
+
+    def _fit(
+        self, population: Population, objective: Objective, begin: int, end: int, on_iteration: OnIteration | None
+    ) -> None:
+        """The iterations from `begin` to `end` of the whole fit."""
+        settings = replace(self.fit, iterations=end - begin, schedule=_Later(self.fit.schedule, begin))
+        fit(population, objective, settings, on_iteration)
 
     def run(self, picture: SourcePicture, seed: int) -> Population:
         """Start and fit."""

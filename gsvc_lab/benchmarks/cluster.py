@@ -50,7 +50,7 @@ class Simulated:
 class Measuring(Executor):
     """Makes each call here at once, of what is pickled, and notes what it took by the group of its first frame."""
 
-    run_s = TASK_S
+    segment_s = TASK_S
 
     def __init__(self) -> None:
         self._tasks: dict[int, list[Task]] = {}  # by the number of the group's first frame

@@ -19,9 +19,9 @@ from gsvc_base.arrays import F4
 from gsvc_base.files import complete_file
 from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
-from gsvc_ref.rendering import Objective, covered_pixels
-from gsvc_ref.training import KEPT_WEIGHT, NEW, Population, fit, image_start
-from gsvc_ref.training.coarse import Sizes
+from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.quick import grown
+from gsvc_ref.rendering import covered_pixels
 from gsvc_ref.video import ColorDescription, VideoFormat
 
 CACHE: Final = Path(__file__).parent / "cache"
@@ -132,14 +132,8 @@ def _frames(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def _train(target: F4, count: int) -> F4:
-    settings = Settings.quick().intra.fit
-    assert settings.growth is not None
-    rng = np.random.default_rng(SEED)
-    splats = image_start(target, settings.growth.start(count), rng)
-    population = Population(splats, KEPT_WEIGHT, np.full(len(splats), NEW, np.int64), settings)
-    objective = Objective(target)
-    fit(population, objective, settings, rng, total=count, sizes=Sizes(target, full=objective))
-    return population.splats().to_array()
+    iterations = Settings.quick(profile="paper").intra.fit.iterations
+    return grown(Target(target), count, iterations, np.random.default_rng(SEED))
 
 
 def _save(path: Path, array: F4) -> None:

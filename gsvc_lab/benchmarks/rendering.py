@@ -40,11 +40,11 @@ def fitting(case: Case, threads: int) -> Callable[[], object]:
     settings = FitSettings(
         iterations=FIT_ITERATIONS, rates=rates, learn_pixels=True, relative_steps=True, convergence=None, pruning=None
     )
-    objective, rng = Objective(case.target, threads), np.random.default_rng(0)
+    objective = Objective(case.target, threads)
 
     def call() -> None:
         origins = np.full(len(case.splats), NEW, np.int64)
-        fit(Population(case.splats, KEPT_WEIGHT, origins, settings), objective, settings, rng)
+        fit(Population(case.splats, KEPT_WEIGHT, origins, settings.optimizer), objective, settings)
 
     return call
 

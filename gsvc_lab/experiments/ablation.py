@@ -29,6 +29,7 @@ from gsvc_lab.experiments.key_frames import detect
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import Effects
+from gsvc_ref.training import FitSettings
 
 VARIANTS: Final = ("P only", "+ GSP", "+ GSA", "+ DKS")
 """Each has what those before it have."""
@@ -84,6 +85,7 @@ def variant(name: str, settings: Settings, keys: tuple[int, ...]) -> Settings:
     settings = replace(settings, effects=Effects.parse(text), key_frames=keys if name == "+ DKS" else (0,))
     if name in ("P only", WEIGHTS):
         fit = settings.intra.fit
+        assert isinstance(fit, FitSettings)
         assert fit.pruning is not None
         assert settings.splats is not None
         none = replace(fit, pruning=replace(fit.pruning, fraction=0.0))

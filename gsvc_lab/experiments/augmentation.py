@@ -7,7 +7,7 @@ from typing import Final
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import pruned_to
-from gsvc_lab.experiments.jumping import CASES, QUICK_WAYS, SCENE, WAYS, Jump, Outcome, Size, measure
+from gsvc_lab.experiments.jumping import CASES, SCENE, WAYS, Jump, Outcome, Size, measure
 from gsvc_ref.encoder.settings import Settings
 
 EMPTY, CAPTURED = 0.1, 0.9
@@ -76,19 +76,10 @@ def draw(size: Size, found: Sequence[Outcome], run: Run) -> dict[str, str]:
     axes[0, 0].set(xlabel="iterations of the P-frame", ylabel="circle in its colour, % of its pixels", ylim=(-5, 105))
     figure.legend(loc="outside lower center", ncols=2)
     curve = save_figure(figure, run.folder, "augmentation-coverage")
-    figure, axes = new_figure(9, 2.9, 2, 4)
-    for row, case in enumerate(("light", "black")):
-        for place, (way, label) in zip(axes[row], QUICK_WAYS.items(), strict=True):
-            one = chosen(found, case, way)[0]
-            title = f"{label}: " if row == 0 else ""
-            show_picture(place, one.frame, f"{title}{one.psnr:.1f} dB")
     return {
         pictures: f"After the jump, by the paper's schedule with {max(size.inter):,} iterations, first random start. "
         f"Above: {CASES['light']}; middle: {CASES['black']}; below: {CASES['gone']}.",
         curve: "How much of the circle is there after how many iterations, mean over random starts; dashed: without.",
-        save_figure(
-            figure, run.folder, "augmentation-quick"
-        ): "The same by preset quick, whose I-frame puts most splats where the circle is.",
     }
 
 
@@ -97,10 +88,9 @@ def table(found: Sequence[Outcome]) -> Table:
     rows = []
     for case, way, iterations in dict.fromkeys((one.case, one.way, one.iterations) for one in found):
         some = chosen(found, case, way, iterations)
-        label = f"quick: {QUICK_WAYS[way]}" if way in QUICK_WAYS else f"paper: {WAYS[way]}"
         means = [100 * fmean([getattr(one, name) for one in some]) for name in ("coverage", "ghost")]
         quality = f"{fmean([one.psnr for one in some]):.2f}"
-        rows.append((CASES[case], label, f"{iterations:,}", quality, *(f"{mean:.0f}" for mean in means)))
+        rows.append((CASES[case], WAYS[way], f"{iterations:,}", quality, *(f"{mean:.0f}" for mean in means)))
     columns = ("frame before", "P-frame", "iterations", "PSNR, dB", "circle there, %", "old circle left, %")
     return Table("The frame after the jump, means over random starts", columns, tuple(rows))
 

@@ -16,7 +16,6 @@ from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.frame_settings import FrameSettings
-from gsvc_ref.encoder.prediction import pruning_as_many
 from gsvc_ref.encoder.report import Progress
 from gsvc_ref.metrics import ms_ssim
 from gsvc_ref.stream import decode
@@ -60,10 +59,9 @@ def shortened(settings: Settings, iterations: int, rate: float) -> Settings:
         return max(1, round(iteration * PAPER_RATE / rate))
 
     def kind(frame: FrameSettings) -> FrameSettings:
+        assert isinstance(frame.fit, FitSettings)  # the paper's settings have no others
         tune = max(1, round(iterations * frame.tune.iterations / frame.fit.iterations))
         pruning = frame.fit.pruning
-        assert isinstance(frame.fit, FitSettings)  # the paper's settings have no others
-        assert isinstance(frame.tune, FitSettings)
         assert pruning is not None
         pruning = replace(
             pruning,
@@ -165,21 +163,25 @@ def fitted_frames(frames: Iterable[Frame], settings: Settings, keys: Collection[
     `Settings.effects` switches off is left out.
     """
     before: Splats | None = None
+    intra, inter = settings.intra.fit, settings.inter.fit
+    assert isinstance(intra, FitSettings)  # the paper's settings have no others
+    assert isinstance(inter, FitSettings)
     for number, frame in enumerate(frames):
         height, width = frame.shape[:2]
         total, rng = settings.splat_count(width, height), np.random.default_rng([settings.seed, number])
         if before is None or number in keys:
-            fit_settings = settings.pruned(settings.intra.fit)
+            fit_settings = intra if settings.effects.gsp == "all" else replace(intra, pruning=None)
             weight = KEPT_WEIGHT if fit_settings.pruning is None else NEW_WEIGHT
             start = random_splats(uniform_numbers(total, rng), width, height)
-            population = Population(start, weight, np.full(total, NEW, np.int64), fit_settings)
+            population = Population(start, weight, np.full(total, NEW, np.int64), fit_settings.optimizer)
         else:
             new = 0 if settings.effects.gsa == "off" else round(settings.inter.new_fraction * total)
-            fit_settings = pruning_as_many(settings.pruned(settings.inter.fit), new, len(before) + new)
-            population = Population(before, KEPT_WEIGHT, np.arange(len(before)), fit_settings)
+            prunes = settings.effects.gsp == "all" and new > 0
+            fit_settings = inter.pruning_of(new / (len(before) + new)) if prunes else replace(inter, pruning=None)
+            population = Population(before, KEPT_WEIGHT, np.arange(len(before)), fit_settings.optimizer)
             population.augment(uniform_numbers(new, rng), width, height)
         picture = Picture(frame, settings.threads)
-        fit(population, picture.objective, fit_settings, rng)
+        fit(population, picture.objective, fit_settings)
         before = population.splats()
         yield Fitted(before, picture.quality(before))
 

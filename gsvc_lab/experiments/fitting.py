@@ -9,10 +9,11 @@ from gsvc_base.arrays import Frame
 from gsvc_base.splats import Splats
 from gsvc_lab.clips import as_picture
 from gsvc_ref.encoder.frame_settings import FrameSettings
+from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.quick import grown
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
-from gsvc_ref.training import KEPT_WEIGHT, NEW, NEW_WEIGHT, Population, fit, image_start, random_splats, uniform_numbers
-from gsvc_ref.training.coarse import Sizes
+from gsvc_ref.training import NEW, NEW_WEIGHT, FitSettings, Population, fit, random_splats, uniform_numbers
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Picture:
         self.frame = frame
         self.samples = as_picture(frame)  # (H, W, 3) f4
         self.height, self.width = frame.shape[:2]
-        self.objective = Objective(self.samples, threads)
+        self.threads, self.objective = threads, Objective(self.samples, threads)
         self._renderer = Renderer(self.width, self.height, threads=threads)
 
     def rendered(self, splats: Splats) -> Frame:
@@ -57,18 +58,6 @@ class Picture:
         return Quality(psnr(self.frame, decoded, 255), ms_ssim(self.frame, decoded, 255))
 
 
-def intra_start(
-    picture: Picture, settings: FrameSettings, count: int, rng: np.random.Generator, weight: float | None = None
-) -> Population:
-    """The splats that an I-frame of `count` splats begins with; a weight replaces that of the settings' start."""
-    first = settings.fit.growth.start(count) if settings.fit.growth else count
-    if settings.start == "image":
-        splats, usual = image_start(picture.samples, first, rng), KEPT_WEIGHT
-    else:
-        splats, usual = random_splats(uniform_numbers(first, rng), picture.width, picture.height), NEW_WEIGHT
-    return Population(splats, usual if weight is None else weight, np.full(first, NEW, np.int64), settings.fit)
-
-
 def fitted(
     picture: Picture,
     settings: FrameSettings,
@@ -76,32 +65,42 @@ def fitted(
     seed: int,
     on_step: Callable[[int, float, Population], None] | None = None,
     *,
-    weight: float | None = None,
+    weight: float = NEW_WEIGHT,
 ) -> tuple[Population, int]:
-    """Fit a picture as an I-frame; the population and the number of iterations made.
+    """Fit a picture as an I-frame of preset `paper`; the population and the number of iterations made.
 
     Parameters
     ----------
     settings
         Settings of an I-frame.
     count
-        Splats at the start where they are random, at the end where they grow.
+        Splats at the start, at random places.
     seed
-        Seed of start and growth.
+        Seed of the start.
     on_step
         Called after each iteration with its number, the loss that it began with, and the population.
     weight
-        The w that all splats begin with; None: that of the settings' start.
+        The w that all splats begin with.
     """
-    rng = np.random.default_rng(seed)
-    population = intra_start(picture, settings, count, rng, weight)
-    sizes = Sizes(picture.samples, full=picture.objective)
+    uniforms = uniform_numbers(count, np.random.default_rng(seed))
+    start = random_splats(uniforms, picture.width, picture.height)
+    assert isinstance(settings.fit, FitSettings)
+    population = Population(start, weight, np.full(count, NEW, np.int64), settings.fit.optimizer)
     step = None if on_step is None else lambda done, _, loss: on_step(done, loss, population)
-    _, done = fit(population, picture.objective, settings.fit, rng, total=count, sizes=sizes, on_iteration=step)
+    _, done = fit(population, picture.objective, settings.fit, step)
     return population, done
+
+
+def quickly_fitted(picture: Picture, count: int, iterations: int, seed: int) -> tuple[Splats, int]:
+    """Fit a picture as an I-frame of preset `quick`; the splats and the number of evaluations made."""
+    losses: list[float] = []
+    target = Target(picture.samples, threads=picture.threads, on_evaluation=losses.append)
+    splats = grown(target, count, iterations, np.random.default_rng(seed))
+    return Splats.from_array(splats), len(losses)
 
 
 def pruned_to(count: int, settings: FrameSettings) -> int:
     """The splats to begin with so that pruning leaves this many."""
+    assert isinstance(settings.fit, FitSettings)
     fraction = settings.fit.pruning.fraction if settings.fit.pruning else 0.0
     return round(count / (1 - fraction))

@@ -6,9 +6,10 @@ from itertools import pairwise
 from typing import Any, Final
 
 from gsvc_base.arrays import Frame
+from gsvc_base.splats import Splats
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
-from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, quickly_fitted, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.settings import Settings
@@ -67,25 +68,19 @@ class PaperRun:
         if self.converged is None and self.rule.update(loss) and done >= self.pruned:
             self.converged = done
         if done in self.times:
-            self.moments.append(moment(self.picture, population, done, "the paper's schedule", self.run))
+            self.moments.append(moment(self.picture, population.splats(), done, "the paper's schedule", self.run))
 
 
-def moment(picture: Picture, population: Population, done: int, schedule: str, run: Run) -> Moment:
-    """The state of a population."""
-    splats = population.splats()
+def moment(picture: Picture, splats: Splats, done: int, schedule: str, run: Run) -> Moment:
+    """The state of a fit."""
     quality = picture.quality(splats)
     run.say(f"{done:,} iterations, {schedule}: {quality.psnr:.2f} dB")
     return Moment(done, len(splats), quality, picture.rendered(splats))
 
 
 def quick_moments(picture: Picture, count: int, times: Sequence[int], run: Run) -> list[Moment]:
-    """The ends of fits with these numbers of iterations with quick's start and schedule."""
-    settings = Settings.quick(profile="paper").intra
-    found = []
-    for time in times:
-        population, done = fitted(picture, replace(settings, fit=settings.fit.with_(iterations=time)), count, 0)
-        found.append(moment(picture, population, done, "quick", run))
-    return found
+    """The ends of quick's fits with these numbers of iterations."""
+    return [moment(picture, *quickly_fitted(picture, count, time, 0), "quick", run) for time in times]
 
 
 def verdict(paper: Sequence[Moment], quick: Sequence[Moment]) -> Verdict:
@@ -158,7 +153,7 @@ def run(settings: Run) -> Result:
         f"On {still.about}; one random start; before quantisation. The paper's schedule (random "
         f"start, Adan at 1e-3, GSP) begins with {pruned_to(count, Settings.paper().intra):,} splats, of which pruning "
         f"leaves {count:,} by iteration 4,000; {stop}. The paper's figure has {PAPER_SPLATS:,} splats on 1920x1080. "
-        f"quick begins with the picture, and its rates fall along half a cosine within its iterations."
+        f"quick is the L-BFGS of profile main, with an evaluation more for each of its 15 additions of splats."
         f"{scales_missing(still.size)}"
     )
     numbers["converged"] = long.converged

@@ -11,14 +11,10 @@ from gsvc_base.splats import Splats
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
-from gsvc_ref.encoder.blocks import block_errors
 from gsvc_ref.encoder.frame_settings import FrameSettings
-from gsvc_ref.encoder.log import FrameLog
-from gsvc_ref.encoder.prediction import Past, PFrame, predict
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr
-from gsvc_ref.training import KEPT_WEIGHT, Population, fit, uniform_numbers
-from gsvc_ref.training.coarse import Sizes
+from gsvc_ref.training import KEPT_WEIGHT, FitSettings, Population, fit, uniform_numbers
 
 SCENE: Final = "jumping-circle"
 
@@ -33,16 +29,6 @@ CASES: Final = {
 """``gone`` keeps of the fitted splats of ``black`` only those within a diameter of the circle's centre."""
 
 WAYS: Final = {"without": "without GSA", "with": "with GSA"}
-
-QUICK_WAYS: Final = {"neither": "neither", "motion": "motion", "gsa": "GSA", "both": "GSA and motion"}
-"""The steps of quick before it fits; ``both`` is quick as it is."""
-
-QUICK_EFFECTS: Final = {
-    "neither": "auto,gsa=off,motion=off",
-    "motion": "auto,gsa=off",
-    "gsa": "auto,motion=off",
-    "both": "auto",
-}
 
 
 @dataclass(frozen=True)
@@ -147,29 +133,17 @@ class Jump:
 def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed: int, *, gsa: bool) -> Splats:
     """A P-frame by the paper's schedule: with GSA and GSP, or from the reference's splats alone."""
     settings = Settings.paper().inter
+    assert isinstance(settings.fit, FitSettings)
     schedule = settings.fit.with_(iterations=iterations)
     if not gsa:
         schedule = replace(schedule, pruning=None)
     rng = np.random.default_rng([seed, 1])
-    population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), schedule)
+    population = Population(reference, KEPT_WEIGHT, np.arange(len(reference)), schedule.optimizer)
     if gsa:
         uniforms = uniform_numbers(round(settings.new_fraction * total), rng)
         population.augment(uniforms, jump.after.width, jump.after.height)
-    fit(population, jump.after.objective, schedule, rng)
+    fit(population, jump.after.objective, schedule)
     return population.splats()
-
-
-def quick_inter(jump: Jump, reference: Splats, total: int, seed: int, effects: str) -> Splats:
-    """A P-frame as quick begins and fits it with these effects, before quantisation."""
-    settings, rng = Settings.quick(effects=effects, profile="paper"), np.random.default_rng([seed, 1])
-    jump.before.objective.loss(reference.to_array())
-    left = block_errors(jump.before.objective.residual())
-    past = Past(jump.before.samples, left, float(left.sum()))
-    sizes = Sizes(jump.after.samples, full=jump.after.objective)
-    frame = PFrame(settings, jump.after.samples, jump.after.objective, reference, past, total, total, rng, sizes)
-    prediction = predict(frame, FrameLog())
-    fit(prediction.population, jump.after.objective, prediction.fit, rng, sizes=sizes)
-    return prediction.population.splats()
 
 
 def intra(jump: Jump, settings: FrameSettings, count: int, seed: int) -> Splats:
@@ -179,9 +153,9 @@ def intra(jump: Jump, settings: FrameSettings, count: int, seed: int) -> Splats:
 
 
 def measure(size: Size, run: Run) -> list[Outcome]:
-    """All P-frames: the paper's in each case, and quick's in the cases that it meets."""
+    """All P-frames, by the paper's schedule."""
     found = []
-    paper, quick = Settings.paper().intra, Settings.quick(profile="paper").intra
+    paper = Settings.paper().intra
     paper = replace(paper, fit=paper.fit.with_(iterations=size.intra))
     total = pruned_to(size.splats, paper)  # the paper's N; pruning leaves 90 % of it
     for background in ("light", "black"):
@@ -196,11 +170,5 @@ def measure(size: Size, run: Run) -> list[Outcome]:
                     for iterations in size.inter:
                         splats = paper_inter(jump, start, total, iterations, seed, gsa=way == "with")
                         found.append(jump.outcome(case, way, iterations, seed, splats))
-            reference = intra(jump, quick, size.splats, seed)
-            for way in QUICK_WAYS:
-                splats = quick_inter(jump, reference, size.splats, seed, QUICK_EFFECTS[way])
-                found.append(
-                    jump.outcome(background, way, Settings.quick(profile="paper").inter.fit.iterations, seed, splats)
-                )
             run.say(f"{CASES[background]}, random start {seed}: {len(found)} P-frames so far")
     return found

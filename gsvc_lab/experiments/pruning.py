@@ -18,7 +18,7 @@ from gsvc_lab.experiments.material import Still, stills
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.metrics import psnr_from_mse
-from gsvc_ref.training import KEPT_WEIGHT, PruningSchedule
+from gsvc_ref.training import KEPT_WEIGHT, NEW_WEIGHT, FitSettings, PruningSchedule
 
 SIZE: Final = (160, 96)
 """Size of the small version in pixels."""
@@ -60,6 +60,7 @@ Outcomes = dict[str, list[Outcome]]
 def way_settings(way: str, iterations: int) -> FrameSettings:
     """The paper's settings of an I-frame, with or without its weights and pruning."""
     intra = Settings.paper().intra
+    assert isinstance(intra.fit, FitSettings)
     fit = intra.fit.with_(iterations=iterations)
     if way == "without":
         fit = replace(fit, pruning=None)
@@ -86,7 +87,8 @@ def measure(pictures: Sequence[Still], iterations: int, seeds: Sequence[int], ru
 
 def one_fit(still: Still, picture: Picture, rank: Any, settings: FrameSettings, count: int, seed: int) -> Outcome:
     """Fit so that `count` splats are left, and see where they are."""
-    weight = None if settings.fit.pruning else KEPT_WEIGHT  # without weights to learn, splats are all there at once
+    assert isinstance(settings.fit, FitSettings)
+    weight = NEW_WEIGHT if settings.fit.pruning else KEPT_WEIGHT
     population, done = fitted(picture, settings, pruned_to(count, settings), seed, weight=weight)
     splats = population.splats()
     decoded = picture.rendered(splats)

@@ -1,17 +1,17 @@
 """A picture made of more and more splats: the paper's first figure."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Final
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import UsageError
+from gsvc_base.splats import Splats
 from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verdict
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
-from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
+from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, quickly_fitted, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
-from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.training import FitSettings
 
@@ -41,18 +41,25 @@ class Fit:
 def measure(still: Still, counts: Sequence[int], iterations: int, run: Run) -> dict[str, list[Fit]]:
     """The fits by schedule, in the order of the counts."""
     picture = Picture(still.frame, run.threads)
-    presets = {"paper": Settings.paper().intra, "quick": Settings.quick(profile="paper").intra}
-    presets["paper"] = replace(presets["paper"], fit=presets["paper"].fit.with_(iterations=iterations))
+    paper, quick = Settings.paper().intra, Settings.quick(profile="paper").intra
+    paper = paper.with_(fit=paper.fit.with_(iterations=iterations))
+
+    def by_paper(count: int) -> tuple[Splats, int]:
+        population, done = fitted(picture, paper, pruned_to(count, paper), 0)
+        return population.splats(), done
+
+    def by_quick(count: int) -> tuple[Splats, int]:
+        return quickly_fitted(picture, count, quick.fit.iterations, 0)
+
     return {
-        name: [one_fit(picture, settings, count, SCHEDULES[name], run) for count in counts]
-        for name, settings in presets.items()
+        name: [one_fit(picture, count, way, SCHEDULES[name], run) for count in counts]
+        for name, way in (("paper", by_paper), ("quick", by_quick))
     }
 
 
-def one_fit(picture: Picture, settings: FrameSettings, count: int, schedule: str, run: Run) -> Fit:
+def one_fit(picture: Picture, count: int, way: Callable[[int], tuple[Splats, int]], schedule: str, run: Run) -> Fit:
     """Fit with N splats at the end."""
-    population, done = fitted(picture, settings, pruned_to(count, settings), 0)
-    splats = population.splats()
+    splats, done = way(count)
     quality = picture.quality(splats)
     run.say(f"{count:,} splats, {schedule}: {done:,} iterations, {quality.psnr:.2f} dB")
     return Fit(count, len(splats), done, quality, picture.rendered(splats))

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_base.checks import door
 from gsvc_base.splats import Splats
-from gsvc_ref._jit import kernel
+from gsvc_ref._jit import are_plain, kernel
 
 REFLECTED_POLYNOMIAL: Final = 0x82F63B78
 """1EDC6F41, the Castagnoli polynomial, with its bits in reverse order."""
@@ -60,9 +60,19 @@ def _crc32c_kernel(data: NDArray[np.uint8], register: np.int64, tables: NDArray[
 
 def crc32c(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
     """CRC-32C of `data`, continuing from the checksum `crc` of what stood before it: of b"123456789", E3069283."""
+    if are_plain():
+        return _crc32c_of_bytes(bytes(data), crc ^ 0xFFFFFFFF) ^ 0xFFFFFFFF
     # Read-only, so that Numba compiles the kernel for one type of array only.
     bytes_ = np.frombuffer(memoryview(data).toreadonly(), np.uint8)
     return int(_crc32c_kernel(bytes_, np.int64(crc ^ 0xFFFFFFFF), _TABLES)) ^ 0xFFFFFFFF
+
+
+def _crc32c_of_bytes(data: bytes, register: int) -> int:
+    """Twin of `_crc32c_kernel` for Python's own numbers: ten times as fast as that kernel when it is not compiled."""
+    table = CRC_TABLE.tolist()
+    for byte in data:
+        register = register >> 8 ^ table[(register ^ byte) & 0xFF]
+    return register
 
 
 KEPT_EVERY: Final = 64

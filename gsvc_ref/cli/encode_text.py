@@ -20,7 +20,6 @@ STAGES: Final = {
     "detect": "looking for cuts",
     "encode": "encoding",
     "fit": "fitting",
-    "rate": "looking for the number of splats",
     "quantize": "quantising",
 }
 """The stages of an encode in words."""

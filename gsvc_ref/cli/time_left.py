@@ -15,7 +15,7 @@ LEAST_DONE: Final = 0.15
 """A frame of which less is done says nothing about its time."""
 
 FRAME_DECAY: Final = 0.9
-"""What a frame's time counts, against that of the frame behind it."""
+"""What a frame's time counts, against that of the frame after it."""
 
 
 class TimeLeft:
@@ -89,7 +89,7 @@ class GroupsTimeLeft:
         self.rate = 0.0
 
     def update(self, done: int, elapsed_s: float, frame_count: int | None) -> float | None:
-        """The seconds left when so many frames are done, or None while nothing is known of them.
+        """The seconds left when `done` frames are done, or None while nothing is known of them.
 
         Frames that were kept by another encode are among neither `done` nor `frame_count`.
         """

@@ -2,11 +2,10 @@
 
 In reading order: `loop` is all of it, the frames of a video in and encoded frames out; `setup` makes what it needs, and
 `recording` writes what comes out of it, as a stream and a `report`. `frame_types` gives each frame its type, by the
-rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`. In profile `paper` `frame`
-does so, an I-frame from nothing, a P-frame from its `prediction`, which rests on the errors of its `blocks` and on
-`static` splats; `rate` and `quantizer_choice` choose numbers of splats and quantisers. `writing` takes splats that
-somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit. `settings` and
-`effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
+rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`, `paper` those of profile
+`paper`, whose preset `quick` fits by `quick`. `held_quality` searches numbers of splats for a PSNR in both. `writing`
+takes splats that somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit.
+`settings` and `effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects

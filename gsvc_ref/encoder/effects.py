@@ -31,22 +31,22 @@ class Effects:
     Attributes
     ----------
     frames
-        ``auto``: a frame that equals the one before becomes an R-frame without a step, and one that is predicted about
-        as well as that was left gets fewer iterations; ``all``: every frame gets all iterations.
+        ``auto``: a frame that equals the one before becomes an R-frame without a step; ``all``: every frame is coded.
     regions
-        ``auto``: splats over regions that did not change stay as they are; ``all``: every splat is optimised.
+        ``auto``: what changes too little to be seen stays as it is; ``all``: every change of a splat is coded.
     gsa
-        Splats added to P-frames. ``auto``: where the residual after prediction is above what the frame before left;
-        ``all``: in every P-frame (paper section 3.5); ``off``: none.
+        Splats added to P-frames. ``auto``: to those that are predicted worse than the frame before is; ``all``: to
+        every P-frame (paper section 3.5); ``off``: none.
     dks
         Key frames when `Settings.key_frames` is ``auto``. ``auto``: only frames that a cheap measure suspects are
         pre-trained; ``all``: every frame, twice (paper section 3.6); ``off``: no key frame but the first.
     gsp
-        Splats removed. ``auto``: only those that the rate has no room for; ``all``: during every fit (paper section
-        3.4); ``off``: none, so that splats are added only while there is room.
+        Splats removed. ``auto``: only those that the rate has no room for; ``all``: as many as are added, and with
+        preset ``paper`` during every fit (paper section 3.4); ``off``: none, so that splats are added only while there
+        is room.
     motion
-        ``auto``: P-frames of which something moves begin with the splats moved along the optical flow; ``off``: never.
-        Ours, not the paper's.
+        ``auto``: P-frames begin with the splats moved along the optical flow, where that brings the picture closer;
+        ``off``: never. Ours, not the paper's.
 
     Raises
     ------

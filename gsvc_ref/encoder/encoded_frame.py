@@ -49,7 +49,7 @@ class EncodedFrame:
     iterations
         The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
     seconds
-        Time by stage: start, fit, choose, rate, quantize, check; in profile `main` intra, inter, check.
+        Time by stage: start, fit, quantize, check; in profile `main` intra, inter, check.
     decisions
         The decisions of its coder; described, one about each effect.
     reason
@@ -72,7 +72,7 @@ class EncodedFrame:
     elapsed_s: float = 0.0
 
     def has_chunk(self, part: EncodedLayer) -> bool:
-        """Whether one of its layers has a chunk of its own: not the base, and not one that repeats with an R-frame."""
+        """Whether one of its layers has its own chunk: not the base, and not one that repeats with an R-frame."""
         return part.layer > 0 and (part.codes.type, self.codes.type) != ("R", "R")
 
 

@@ -1,24 +1,29 @@
 """Settings of profile `paper`: how frames of a type are fitted and quantised, and how key frames are found."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Literal, Self
 
 from gsvc_base.checks import check_range, check_types
 from gsvc_ref.encoder.key_frames import GUARD_RATIO
-from gsvc_ref.training import (
-    MAX_ITERATIONS,
-    AnyFit,
-    BlockSettings,
-    DescentSettings,
-    FitSettings,
-    RoundingSettings,
-)
-
-SHORT_FIT: Final = 12
-"""Constant quality: evaluations by L-BFGS after each change of the number of splats, at most."""
+from gsvc_ref.training import MAX_ITERATIONS, BlockSettings, FitSettings
 
 ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_codewords": (1, 1024)}
 """The limits of the elements of the sequence header that describe quantisers (section 6.3)."""
+
+
+@dataclass(frozen=True)
+class QuickFit:
+    """A fit by L-BFGS, of about so many evaluations."""
+
+    iterations: int
+
+    def __post_init__(self) -> None:
+        check_types(self)
+        check_range("iterations", self.iterations, 0, MAX_ITERATIONS)
+
+    def with_(self, iterations: int) -> Self:
+        """A copy with other iterations."""
+        return replace(self, iterations=iterations)
 
 
 @dataclass(frozen=True)
@@ -28,44 +33,30 @@ class FrameSettings:
     Attributes
     ----------
     fit
-        The fit in binary32, before quantisation.
+        The fit in binary32, before quantisation: by Adan from a random start as in the paper, or by L-BFGS from splats
+        drawn from the picture.
     tune
-        How splats are quantised after it: by quantisation-aware fine-tuning, or by rounding in stages.
+        Quantisation-aware fine-tuning.
     quantizer
         The quantisers.
-    candidates
-        I-frames: choices (b, M, B) of which the first frame takes the best by rate and quality for the whole stream;
-        none: those of `quantizer`.
-    start
-        I-frames: ``random`` as in the paper, or ``image``: drawn from the image.
     new_fraction
-        P-frames: the fraction of N that GSA adds.
-    new_from_residual
-        P-frames: add where the prediction is wrong, along edges, and prune as many of the least visible splats before,
-        so that the count never exceeds N. False adds uniformly at random, as in the paper, and leaves pruning to GSP.
+        P-frames: the fraction of N that GSA adds; at random places as in the paper, with L-BFGS where the prediction is
+        wrong.
     """
 
-    fit: AnyFit
-    tune: FitSettings | RoundingSettings
+    fit: FitSettings | QuickFit
+    tune: FitSettings
     quantizer: BlockSettings
-    candidates: tuple[tuple[int, int, int], ...] = ()
-    start: Literal["random", "image"] = "random"
     new_fraction: float = 0.1
-    new_from_residual: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)
         check_range("new_fraction", self.new_fraction, 0, 1)
-        for candidate in self.candidates:
-            for (name, limits), value in zip(ELEMENTS.items(), candidate, strict=True):
-                check_range(f"{name} of candidates", value, *limits)
 
     @property
-    def short_fit(self) -> AnyFit:
-        """The fit after each change of the number of splats by constant quality: fine-tuning's, if there is any."""
-        if isinstance(self.tune, FitSettings):
-            return self.tune
-        return self.fit.with_(iterations=min(self.fit.iterations, SHORT_FIT), growth=None, pruning=None)
+    def iterations(self) -> int:
+        """The iterations of fit and fine-tuning."""
+        return self.fit.iterations + self.tune.iterations
 
     def with_(self, **changes: Any) -> Self:
         """A copy with other fields by name, or with other ELEMENTS of its quantiser."""
@@ -74,15 +65,9 @@ class FrameSettings:
         return replace(frame, quantizer=frame.quantizer.with_(**elements))
 
     def in_proportion(self, share: float) -> Self:
-        """A copy with this share of the iterations, at least 1; L-BFGS goes on for as much less gain."""
-
-        def stretched(part: Any) -> Any:
-            changes: dict[str, Any] = {"iterations": max(1, round(part.iterations * share))}
-            if isinstance(part, DescentSettings):
-                changes["least_gain"] = part.least_gain / share
-            return part.with_(**changes)
-
-        return replace(self, fit=stretched(self.fit), tune=stretched(self.tune))
+        """A copy with this share of the iterations, at least 1."""
+        fit, tune = (max(1, round(part.iterations * share)) for part in (self.fit, self.tune))
+        return replace(self, fit=self.fit.with_(iterations=fit), tune=self.tune.with_(iterations=tune))
 
 
 @dataclass(frozen=True)
@@ -105,9 +90,11 @@ class DetectionSettings:
         ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
     guard_ratio
         By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
+    start
+        Pre-train from ``random`` splats as in the paper, or from splats drawn from the ``image``.
     intra_fit, inter_fit
-        How frames are pre-trained, but for the number of iterations; None: as they are fitted. What tells a cut is how
-        far short fits get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
+        How frames are pre-trained, but for the number of iterations and GSP. What tells a cut is how far short fits
+        get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
     """
 
     iterations: int = 500
@@ -117,8 +104,9 @@ class DetectionSettings:
     threshold: float = 3.0
     rule: Literal["paper", "robust"] = "paper"
     guard_ratio: float = GUARD_RATIO
-    intra_fit: FitSettings | None = None
-    inter_fit: FitSettings | None = None
+    start: Literal["random", "image"] = "random"
+    intra_fit: FitSettings = field(default_factory=FitSettings)
+    inter_fit: FitSettings = field(default_factory=FitSettings)
 
     def __post_init__(self) -> None:
         check_types(self)

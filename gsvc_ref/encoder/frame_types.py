@@ -16,11 +16,11 @@ from typing import Final, Generic, NamedTuple, TypeVar
 import numpy as np
 
 from gsvc_base.arrays import F4, Frame
+from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.key_frames import KeyFrameSelector
 from gsvc_ref.encoder.log import OFF, Decision, percent
 from gsvc_ref.encoder.pretraining import Pretraining
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.encoder.static import changed_pixels
 from gsvc_ref.paper import FrameType
 from gsvc_ref.training.reduction import reduced
 
@@ -70,7 +70,7 @@ def typed_frames(
     """Give each frame its type, in order, holding back no more frames than the window of DKS needs."""
     before: Frame | None = None
     for number, frame, is_key, reason, dks in _with_key_frames(frames, settings, peak, on_pretraining):
-        changed = 1.0 if before is None else float(changed_pixels(before, frame).mean())
+        changed = 1.0 if before is None else _changed_pixels(before, frame) / frame[..., 0].size
         repeated = settings.effects.frames == "auto" and changed == 0
         if number == 0:
             kind: FrameType = "I"
@@ -78,9 +78,8 @@ def typed_frames(
         elif is_key and settings.key_frames != "auto":  # asked for, so there whatever the picture
             kind, why = "I", Decision("frames", True, "asked for")
         elif repeated:
-            steps = sum(part.iterations for part in (settings.inter.fit, settings.inter.tune))
             kind, reason = "R", "equal to the frame before"
-            why = Decision("frames", False, reason, saved=steps)
+            why = Decision("frames", False, reason, saved=settings.inter_iterations)
         else:
             kind, reason = ("I", reason) if is_key else ("P", "predicted")
             differs = f"{percent(changed)} of the pixels differ from the frame before"
@@ -259,3 +258,17 @@ def _mean_square(values: F4) -> float:
 def _stands_out(change: float, others: list[float]) -> bool:
     """Whether a change exceeds the mean of others by more than STANDS_OUT standard deviations; alone it does."""
     return not others or change > float(np.mean(others)) + STANDS_OUT * float(np.std(others))
+
+
+@kernel()
+def _changed_pixels(before: Frame, now: Frame) -> int:
+    """The number of pixels at which two frames (H, W, 3) differ."""
+    height, width, channels = now.shape
+    changed = 0
+    for y in range(height):
+        for x in range(width):
+            differs = False
+            for c in range(channels):
+                differs |= before[y, x, c] != now[y, x, c]
+            changed += int(differs)
+    return changed

@@ -5,7 +5,10 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Final, Protocol, TypeVar
 
+import numpy as np
+
 from gsvc_base.portable import log2, power
+from gsvc_base.splats import F4
 from gsvc_ref.main.tables import QUANTIZERS
 
 ENOUGH: Final = 0.1
@@ -20,23 +23,11 @@ FIRST_SLOPE, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
 MOST_DOUBLINGS: Final = 3.0
 """By how much the number of splats changes at most between two tries."""
 
-FIRST_MARGIN: Final = 0.7
-"""The dB that the fit of a first frame aims above the goal, so that quantisation has room."""
-
-MOST_MARGIN: Final = 6.0
-"""The most dB that a fit aims above the goal: more where quantisers, not splats, are too few."""
-
-ROUNDS: Final = 8
-"""The most times that the splats of a P-frame change in number and are quantised."""
-
 SCALE_TRIES: Final = 5
 """The most thresholds of what a change must be worth that are tried for a P-frame."""
 
 MOST_WORTH_OCTAVES: Final = 16.0
 """No change is worth 2 to this power times as much as the settings ask of it."""
-
-NEAR_GOAL: Final = 0.5
-"""Splats of a P-frame with at most so many dB more than asked for stay: fewer changes of them save as much."""
 
 MOST_DROP: Final = 1.0
 """Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
@@ -142,43 +133,6 @@ def most_spared(make: Callable[[int], JudgedT], whole: JudgedT, count: int, goal
     return best
 
 
-def held(
-    change: Callable[[float], int], code: Callable[[], tuple[JudgedT, float]], goal: float, margin: float
-) -> tuple[JudgedT, float]:
-    """A frame whose splats change in number until it reaches a PSNR with little to spare; otherwise the best.
-
-    Parameters
-    ----------
-    change
-        Adds or removes splats until they have a PSNR in dB before they are quantised; the iterations that it took.
-    code
-        The frame of the splats of now, and the dB that quantisation took from it.
-    goal
-        PSNR in dB.
-    margin
-        The dB that quantisation is expected to take.
-
-    Returns
-    -------
-    frame
-        What `code` gave.
-    margin
-        What quantisation took the last time.
-    """
-    best: JudgedT | None = None
-    for _ in range(ROUNDS):
-        if change(goal + margin) == 0 and best is not None:
-            break  # no splats are left that could come or go
-        frame, margin = code()
-        margin = min(margin, MOST_MARGIN)
-        if best is None or _is_better(frame.psnr, best.psnr, goal):
-            best = frame
-        if 0 <= frame.psnr - goal <= NEAR_GOAL:
-            break
-    assert best is not None  # there is at least one round
-    return best, margin
-
-
 def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> JudgedT:
     """The frame with the fewest changes, of those that are tried, that reaches a PSNR; one that misses it stays.
 
@@ -210,13 +164,6 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
 def is_missed(psnr: float, goal: float, level: float) -> bool:
     """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
     return psnr < (goal if level >= goal else level - MOST_DROP)
-
-
-def _is_better(psnr: float, other: float, goal: float) -> bool:
-    """Whether a frame of one PSNR serves a goal better than one of another: it reaches it, and with less to spare."""
-    if (psnr >= goal) != (other >= goal):
-        return psnr >= goal
-    return psnr < other if psnr >= goal else psnr > other
 
 
 def coarsest(
@@ -264,3 +211,14 @@ def coarsest(
         quantizer = min(max(quantizer + steps, fine + 1), coarse - 1)
     reaching = [q for q, one in found.items() if one.psnr >= goal]
     return found[max(reaching)] if reaching else max(found.values(), key=lambda one: one.psnr)
+
+
+def visibility(parameters: F4) -> F4:
+    """The squared error that removing each splat adds at a minimum of the loss, up to a constant factor, (N,) f4.
+
+    Removing c' g from the picture adds -2 <e, c' g> + |c' g|^2; the first term is zero where dL/dc' is, and the second,
+    summed over all pixels, is |c'|^2 pi l11 l22.
+    """
+    strength = np.square(parameters[:, 5:8]).sum(axis=1)
+    area = np.maximum(parameters[:, 2], 0) * np.maximum(parameters[:, 4], 0)
+    return np.asarray(strength * area, np.float32)

@@ -76,7 +76,7 @@ def unwatched(number: int) -> OnStage:
 def encode_frames(
     frames: Iterable[TypedFrame[FrameT]], coder: FrameCoder[FrameT], watch: Watch = unwatched
 ) -> Iterator[EncodedFrame]:
-    """Encode frames in order, the first group of pictures with `coder` and each other one with a coder of its own."""
+    """Encode frames in order, the first group of pictures with `coder` and each other one with another coder."""
     decided: FrameCoder[FrameT] | None = None
     for frame in frames:
         if frame.type == "I" and decided is not None:

@@ -6,7 +6,16 @@ from gsvc_base.arrays import F4
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training import KEPT_WEIGHT, NEW, AnyFit, Population, fit, image_start, random_splats, uniform_numbers
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    FitSettings,
+    Population,
+    fit,
+    image_start,
+    random_splats,
+    uniform_numbers,
+)
 from gsvc_ref.training.reduction import reduced
 
 
@@ -21,8 +30,6 @@ class Pretraining:
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self.detection = settings, settings.detection
-        self.intra = self.detection.intra_fit or settings.intra.fit
-        self.inter = self.detection.inter_fit or settings.inter.fit
         self.rng = np.random.default_rng([settings.seed, 0x444B53])
         self.before: Splats | None = None
         self.iterations = 0
@@ -35,20 +42,20 @@ class Pretraining:
         count = min(
             self.settings.splat_count(picture.shape[1], picture.shape[0]), self.detection.splats or width * height
         )
-        start = image_start(small, count, self.rng) if self.settings.intra.start == "image" else None
+        start = image_start(small, count, self.rng) if self.detection.start == "image" else None
         intra_loss, splats = self._fit(
-            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.intra
+            start or random_splats(uniform_numbers(count, self.rng), width, height), objective, self.detection.intra_fit
         )
         inter_loss = None
         if self.before is not None:
-            inter_loss, _ = self._fit(self.before, objective, self.inter)
+            inter_loss, _ = self._fit(self.before, objective, self.detection.inter_fit)
         self.before = splats
         return intra_loss, inter_loss
 
-    def _fit(self, start: Splats, objective: Objective, fit_settings: AnyFit) -> tuple[float, Splats]:
-        """A short fit without growth and pruning: its loss and splats."""
-        settings = fit_settings.with_(iterations=self.detection.iterations, growth=None, pruning=None)
-        population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings)
-        loss, made = fit(population, objective, settings, self.rng)
+    def _fit(self, start: Splats, objective: Objective, fit_settings: FitSettings) -> tuple[float, Splats]:
+        """A short fit without pruning: its loss and splats."""
+        settings = fit_settings.with_(iterations=self.detection.iterations, pruning=None)
+        population = Population(start, KEPT_WEIGHT, np.full(len(start), NEW, np.int64), settings.optimizer)
+        loss, made = fit(population, objective, settings)
         self.iterations += made
         return loss, population.splats()

@@ -1,4 +1,4 @@
-"""Encoded frames as a stream and a report; the stream is valid, whatever ends the encode after the first frame."""
+"""Encoded frames as a stream and a report; the stream is valid even if the encode ends early."""
 
 import time
 from collections.abc import Callable, Iterator

@@ -14,7 +14,7 @@ from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.header import MOST_LAYERS
 from gsvc_ref.encoder.effects import Effects
-from gsvc_ref.encoder.frame_settings import ELEMENTS, DetectionSettings, FrameSettings
+from gsvc_ref.encoder.frame_settings import ELEMENTS, DetectionSettings, FrameSettings, QuickFit
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import RvqSettings
@@ -23,15 +23,11 @@ from gsvc_ref.rendering.precision import check_precision
 from gsvc_ref.training import (
     MAX_ITERATIONS,
     AdanSettings,
-    AnyFit,
     BlockSettings,
     Cosine,
-    DescentSettings,
     FitSettings,
-    Growth,
     PruningSchedule,
     Rates,
-    RoundingSettings,
 )
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
@@ -217,42 +213,41 @@ class Settings:
     def quick(cls, **overrides: Any) -> Self:
         """The default: profile `main`, or, with ``profile="paper"``, the paper's coding by a shorter way.
 
-        That way is a start drawn from the image, splats added where the residual is, few and well-sized steps.
+        That way is the L-BFGS of profile `main`, and a short fine-tuning with well-sized steps.
         """
-        intra = FrameSettings(
-            fit=DescentSettings(iterations=100, pull=0.0, least_gain=0.015, growth=Growth(end=0.24)),
-            tune=RoundingSettings(iterations=3, before=0.0),
-            quantizer=BlockSettings(
-                position_step=0.05,
-                cholesky_bits=8,
-                colors=RvqSettings(codewords=(16, 16, 16)),
-                weigh_by_area=True,
-                quantizer_rate=0.01,
-            ),
-            candidates=((7, 2, 16), (8, 2, 32), (8, 3, 16), (8, 3, 32), (9, 3, 32), (10, 3, 64)),
-            start="image",
-        )
-        inter = FrameSettings(
-            fit=DescentSettings(),
-            tune=RoundingSettings(),
-            quantizer=BlockSettings(
-                position_step=0.2,
-                cholesky_bits=8,
-                cholesky_step=0.14,
-                colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
-                weigh_by_area=True,
-                quantizer_rate=0.0,
-                static_threshold=0.55,
-            ),
-            new_fraction=0.03,
-            new_from_residual=True,
-        )
         few = FitSettings(
             iterations=30, schedule=Cosine(steps=30, final=0.05), learn_pixels=True, relative_steps=True,
             optimizer=AdanSettings(beta1=0.9, beta2=0.92, beta3=0.99), convergence=None, pruning=None,
         )  # fmt: skip
+        tune = few.with_(rates=Rates(0.01, 0.005, 0.001))
+        intra = FrameSettings(
+            fit=QuickFit(80),
+            tune=tune,
+            quantizer=BlockSettings(
+                position_step=0.05,
+                cholesky_bits=9,
+                colors=RvqSettings(codewords=(32, 32, 32)),
+                weigh_by_area=True,
+                weigh_factors=True,
+                quantizer_rate=0.01,
+            ),
+        )
+        inter = FrameSettings(
+            fit=QuickFit(12),
+            tune=tune.with_(iterations=15),
+            quantizer=BlockSettings(
+                position_step=0.2,
+                cholesky_bits=9,
+                cholesky_step=0.14,
+                colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
+                weigh_by_area=True,
+                quantizer_rate=0.0,
+                static_threshold=0.4,
+            ),
+            new_fraction=0.03,
+        )
         detection = DetectionSettings(
-            iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5,
+            iterations=30, splats=200, longest_side=96, rule="robust", guard_ratio=1.5, start="image",
             intra_fit=few.with_(rates=Rates(1.0, 0.5, 0.05), schedule=Cosine(steps=30, final=0.02)),
             inter_fit=few.with_(rates=Rates(0.2, 0.08, 0.008)),
         )  # fmt: skip
@@ -270,8 +265,8 @@ class Settings:
         A name is that of a field, except `preset`, or one of four that reach into both `intra` and `inter`, where None
         changes nothing. `iterations` is the number of the fit of an I-frame; all other fits of frames follow in
         proportion, but not `detection.iterations`, since losses after other numbers of iterations would be other
-        statistics. `cholesky_bits`, `color_stages` and `color_codewords` are elements of the sequence header; any of
-        them switches off the choice among `candidates`. All four are of profile `paper`.
+        statistics. `cholesky_bits`, `color_stages` and `color_codewords` are elements of the sequence header.
+        All four are of profile `paper`.
 
         Raises
         ------
@@ -296,7 +291,7 @@ class Settings:
             share = given.pop("iterations") / intra.fit.iterations
             intra, inter = intra.in_proportion(share), inter.in_proportion(share)
         if given:
-            intra, inter = intra.with_(candidates=(), **given), inter.with_(**given)
+            intra, inter = intra.with_(**given), inter.with_(**given)
         return replace(settings, intra=intra, inter=inter)
 
     def _check_layers(self) -> None:
@@ -341,10 +336,21 @@ class Settings:
         below = (0, *self.layer_splats)
         return [replace(alone, splats=total - fewer) for fewer, total in zip(below, self.layer_splats, strict=False)]
 
-    def pruned(self, fit: AnyFit) -> AnyFit:
-        """A fit with pruning where `effects.gsp` is ``all``, by its own schedule or a late one, else without."""
-        pruning = (fit.pruning or PruningSchedule.late()) if self.effects.gsp == "all" else None
-        return fit.with_(pruning=pruning)
+    @property
+    def inter_iterations(self) -> int:
+        """The iterations of a P-frame of the profile, as far as they are known beforehand."""
+        return self.main_inter.evaluations if self.profile == "main" else self.inter.iterations
+
+    def quantizer_elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that describe the quantisers and entropy coding of profile `paper`."""
+        books = [kind.quantizer.colors.codewords for kind in (self.intra, self.inter)]
+        return {
+            "cholesky_bits": self.intra.quantizer.cholesky_bits,
+            "color_stages": max(map(len, books)),
+            "color_codewords": max(map(max, books)),
+            "entropy_precision": self.entropy_precision,
+            "lane_count": self.lane_count,
+        }
 
     def most_splats(self, width: int, height: int) -> int:
         """Maximum number of splats of a frame of this size."""

@@ -6,11 +6,11 @@ from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.bitstream.header import I_FRAME_SECONDS
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.loop import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.recording import Recording, StreamPlan, header_of
 from gsvc_ref.encoder.report import FrameReport, OnProgress, ProgressReporter
 from gsvc_ref.encoder.settings import Settings
@@ -134,7 +134,7 @@ def first_level(settings: Settings, video: VideoFormat, coder: GroupCoder) -> in
 
 
 def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least: int) -> int:
-    """The lowest level from `least` on that allows a second of frames with as many splats as they are meant to have."""
+    """The lowest level from `least` on that allows a second of frames with the splats that they are meant to have."""
     width, height = video.width, video.height
     size = settings.counted_splats if settings.profile == "main" else settings.most_splats
     has_quality = settings.psnr is not None or settings.quality is not None  # then nobody knows the splats beforehand

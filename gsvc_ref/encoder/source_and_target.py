@@ -191,7 +191,7 @@ class LiveFile(FileIO):
 
 @contextmanager
 def _live_file(path: Path) -> Iterator[BinaryIO]:
-    """The file itself; an old one loses its contents at the first write, and one without any is not left behind.
+    """The file itself; an old one loses its contents at the first write, and one without any is removed.
 
     Raises
     ------

@@ -5,7 +5,7 @@ An I-frame quantises the splats. A P-frame quantises the differences of those th
 left with, and what changes the picture less than that error is left as it is.
 """
 
-from typing import Any, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 
@@ -17,16 +17,21 @@ from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import FrameElements
 from gsvc_ref.bitstream.frames import frame as write_frame
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
-from gsvc_ref.encoder.quantizer_choice import MAX_PSNR, quantizer_fields
-from gsvc_ref.encoder.rate import DB_PER_DOUBLING
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
-from gsvc_ref.rendering import Objective, Renderer, rendering_work
+from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss
+
+DB_PER_DOUBLING: Final = 3.4
+"""PSNR gained by twice the splats, and so by about twice the bits, as measured on photographs."""
+
+MAX_PSNR: Final = 59.0
+"""PSNR in dB from which on a frame counts as exact: rounding to 8 bits leaves 58.9 dB."""
 
 
 class _Coded(NamedTuple):
@@ -70,7 +75,7 @@ class SplatCoder:
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
-        return quantizer_fields(self.settings)
+        return self.settings.quantizer_elements()
 
     def for_group(self) -> Self:
         """The same coder, since its I-frames forget what was before them."""
@@ -170,7 +175,7 @@ class SplatCoder:
     ) -> _Coded:
         """Codes of splats, survivors first, and what a decoder makes of them."""
         intra, inter = self.settings.intra, self.settings.inter
-        population = Population(Splats.from_array(parameters), KEPT_WEIGHT, origins, intra.fit)
+        population = Population(Splats.from_array(parameters), KEPT_WEIGHT, origins)
         quantizer = FrameQuantizer(
             population, objective, intra.quantizer, inter.quantizer, before,
             np.random.default_rng([self.settings.seed, number]), self._accepted,
@@ -179,14 +184,14 @@ class SplatCoder:
         return _Coded(codes, reconstruct(codes, before), ids)
 
     def _score(self, coded: _Coded, number: int, objective: Objective) -> float:
-        """PSNR less what as many bits could have bought otherwise, as in `with_best_quantizer`."""
+        """PSNR less what as many bits could have bought otherwise: DB_PER_DOUBLING for each doubling."""
         quality = min(psnr_of_loss(objective.loss(coded.state.splats.to_array())), MAX_PSNR)
         return quality - DB_PER_DOUBLING * float(log2(self._bytes(coded, number)))
 
     def _bytes(self, coded: _Coded, number: int) -> int:
         """The size in bytes of a frame's payload."""
         header = SequenceHeader(
-            level=self.level, width=self.width, height=self.height, **quantizer_fields(self.settings)
+            level=self.level, width=self.width, height=self.height, **self.settings.quantizer_elements()
         )
         s = Writer()
         write_frame(s, header, self.state, coded.codes.type, number, FrameElements(number, None, coded.codes))

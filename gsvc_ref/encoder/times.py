@@ -17,7 +17,7 @@ from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.video import VideoReader
 
 MOST_AHEAD: Final = 64
-"""Maximum number of frames that a chunk is about: beside so many runs its other 13 bytes or so are few."""
+"""Maximum number of frames that a chunk is about: beside its runs the other 13 bytes or so are few."""
 
 TIMES_BYTES_AHEAD: Final = 1 << 26
 """Bytes of frames that are read ahead, at most, if they are several."""
@@ -65,14 +65,14 @@ class SourceTimes:
         yield from source if count is None else islice(source, count - 1)
 
     def _read_ahead(self, first: Frame, source: Iterator[Frame], count: int | None) -> Iterator[Frame]:
-        """The frames, `count` at most, while some behind the one that is given are held back.
+        """The frames, `count` at most, while some after it are already read.
 
         Of a range that ends early one frame more is read, whose time says how long the last one is shown.
         """
-        held, times = deque([first]), [self._reader.frame_time]
+        ahead, times = deque([first]), [self._reader.frame_time]
         number, is_over, fault = 0, False, None
-        while held and (count is None or number < count):
-            while len(held) <= self._ahead and not is_over:
+        while ahead and (count is None or number < count):
+            while len(ahead) <= self._ahead and not is_over:
                 try:
                     frame = next(source, None)
                 except Exception as error:  # those before it are encoded
@@ -81,20 +81,20 @@ class SourceTimes:
                 is_over = frame is None
                 times.append(self._reader.end_time if frame is None else self._reader.frame_time)
                 if frame is not None:
-                    held.append(frame)
-            given = len(held) - (not is_over)
+                    ahead.append(frame)
+            given = len(ahead) - (not is_over)
             if count is not None:
                 given = min(given, count - number)
             self._keep(number, times[: given + 1])
             for _ in range(given):
-                yield held.popleft()
+                yield ahead.popleft()
             number += given
             del times[:given]
         if fault is not None and (count is None or number < count):
             raise fault
 
     def _keep(self, first: int, times: list[Fraction | None]) -> None:
-        """Make the chunk about frames from `first` on, given their times and that of the frame behind them."""
+        """Make the chunk about frames from `first` on, given their times and that of the frame after them."""
         known = [time for time in takewhile(lambda time: time is not None, times) if time is not None]
         if self._begin is None:
             self._begin = known[0]

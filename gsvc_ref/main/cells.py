@@ -99,37 +99,19 @@ def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, 
 
 
 class Halves(NamedTuple):
-    """The numbers of splats in the first halves of the parts that have a choice.
+    """The numbers of splats in the first halves of the parts that have a choice."""
 
-    Attributes
-    ----------
-    asked
-        (n,) i8, the indices of these parts.
-    tables
-        The distribution of each number without its raw bits.
-    low_bits
-        (n,) i8, how many low bits of each number are raw.
-    """
-
-    asked: I8
-    tables: Distributions
-    low_bits: I8
+    asked: I8  # (n,), the indices of these parts
+    tables: Distributions  # of each number without its raw bits
+    low_bits: I8  # (n,), how many low bits of each number are raw
 
 
 @kernel()
 def halves_of(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha: int) -> Halves:
     """The distributions of the numbers of splats in the first halves of parts (15-8), (15-9).
 
-    Parameters
-    ----------
-    counts, origins
-        The splats of each part (N,), and its first column and row (N, 2).
-    axis, size
-        The axis along which parts are halved, and the cells of a first half along it.
-    inside
-        The cells of the frame along it.
-    alpha
-        The shape, as in `half_distribution`.
+    `counts` (N,) and `origins` (N, 2) are the splats of each part, and its first column and row. Parts are halved along
+    `axis`, where a first half has `size` cells and the frame `inside`.
     """
     asked = np.empty(len(counts), np.int64)
     first = np.zeros(len(counts) + 1, np.int64)
@@ -151,20 +133,10 @@ def halves_of(counts: I8, origins: I8, axis: int, size: int, inside: int, alpha:
 
 
 def half_distribution(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
-    """The distribution of the number of n splats in the first half of a part (15-8), (15-9).
+    """Cumulative frequencies of the number of n >= 1 splats in the first half of a part, and its raw low bits.
 
-    Parameters
-    ----------
-    n
-        The splats of the part, at least 1.
-    first, second
-        p and q, the cells of both halves inside of the frame along the side that is halved.
-    alpha
-        The shape: 1 spreads splats evenly over all numbers, large ones put half of them into each half.
-
-    Returns
-    -------
-    The cumulative frequencies, and how many low bits of the number are raw.
+    `first` and `second` are the p and q of (15-8), (15-9). A shape `alpha` of 1 spreads splats evenly over all numbers,
+    and large ones put half of them into each half.
     """
     cumulative, low = _half_frequencies(n, first, second, alpha)
     return cumulative, int(low)
@@ -197,20 +169,9 @@ def splats_in_first_halves(cells: I8, counts: I8, origins: I8, axis: int, size: 
 
 
 def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int, ...], cells: I8 | None = None) -> I8:
-    """Column and row of the cell of each splat, (count, 2) in the order of `cell_order`.
+    """Column and row of the cell of each of `count` >= 1 splats, (count, 2) in the order of `cell_order`.
 
-    Parameters
-    ----------
-    run
-        The run of the frame.
-    count
-        The number of splats, at least 1.
-    width, height
-        Size of the frame in pixels.
-    alphas
-        The shape of each halving.
-    cells
-        The cells in that order; None where the run makes them.
+    `alphas` are the shapes of the halvings; `cells` are None where the run makes them.
     """
     inside = cell_counts(width, height)
     size = 1 << (len(alphas) // 2)

@@ -38,24 +38,12 @@ class CodeArrays(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class IntraCodes:
-    """The codes of the splats of an I-frame, or of new ones, in the order of their cells.
+    """The codes of the splats of an I-frame, or of new ones, in the order of their cells."""
 
-    Attributes
-    ----------
-    cells
-        (N, 2), column and row of the cell.
-    colors
-        (N, 3), k0, k1 and k2.
-    shapes
-        (N, 3), the codes of size, aspect and shear.
-    places
-        (N, 2), the place in the cell.
-    """
-
-    cells: I8 = field(default_factory=lambda: _none(0, 2))
-    colors: I8 = field(default_factory=lambda: _none(0, 3))
-    shapes: I8 = field(default_factory=lambda: _none(0, 3))
-    places: I8 = field(default_factory=lambda: _none(0, 2))
+    cells: I8 = field(default_factory=lambda: _none(0, 2))  # (N, 2), column and row of the cell
+    colors: I8 = field(default_factory=lambda: _none(0, 3))  # (N, 3), k0, k1 and k2
+    shapes: I8 = field(default_factory=lambda: _none(0, 3))  # (N, 3), the codes of size, aspect and shear
+    places: I8 = field(default_factory=lambda: _none(0, 2))  # (N, 2), the place in the cell
 
     def __len__(self) -> int:
         return len(self.cells)

@@ -36,24 +36,12 @@ MOST_BINS: Final = 512
 
 @dataclass(frozen=True)
 class Density:
-    """The density of a plane.
+    """The density of a plane."""
 
-    Attributes
-    ----------
-    family
-        `density_family`: 0 logistic, 1 Laplace.
-    scale_code
-        0..31: the scale is 2^(scale_code / 4) units.
-    centre
-        -512..511.
-    slope
-        -128..127; 0 for luma and shear.
-    """
-
-    family: int = 0
-    scale_code: int = 0
-    centre: int = 0
-    slope: int = 0
+    family: int = 0  # `density_family`: 0 logistic, 1 Laplace
+    scale_code: int = 0  # 0..31: the scale is 2^(scale_code / 4) units
+    centre: int = 0  # -512..511
+    slope: int = 0  # -128..127; 0 for luma and shear
 
 
 @dataclass(frozen=True)
@@ -69,23 +57,7 @@ class Densities:
 
 
 def cumulative(edges: I8, centre: int, family: int, scale_code: int, unit_bits: int) -> I8:
-    """Cumulative frequencies of bins (15-6).
-
-    Parameters
-    ----------
-    edges
-        (K - 1,), the inner edges of K bins, doubled.
-    centre
-        The centre, not doubled.
-    family, scale_code
-        As in `Density`.
-    unit_bits
-        w: 2^w units of the edges are one scale at scale_code 0.
-
-    Returns
-    -------
-    (K + 1,) from 0 to 2^14.
-    """
+    """Cumulative frequencies (K + 1,) of K bins with the doubled inner edges (K - 1,), 2^unit_bits to a unit (15-6)."""
     one = np.array([len(edges) + 1]), edges, np.array([centre])
     return _distributions(*one, scale_code, unit_bits, family_of(family)).cumulative
 

@@ -44,28 +44,14 @@ PARTS_IN_ORDER: Final = (*RUN_PARTS[MOTION:], *RUN_PARTS[:MOTION])
 
 @dataclass(frozen=True, eq=False)
 class MainState:
-    """All that profile `main` carries from frame to frame.
+    """All that profile `main` carries from frame to frame."""
 
-    Attributes
-    ----------
-    width, height
-        Size of the coded frame in pixels.
-    values
-        (N, 8), the state of the splats of the frame before, in integers.
-    past
-        (N,), what that frame did with each splat: 0 nothing, or it was in an I-frame, 1 it changed, 2 it was new.
-    models
-        The models of P-frames.
-    densities
-        Those that are kept; None: there are none since the last I-frame.
-    """
-
-    width: int
+    width: int  # of the coded frame in pixels
     height: int
-    values: I8
-    past: I8
+    values: I8  # (N, 8), the state of the splats of the frame before, in integers
+    past: I8  # (N,), what it did with each: 0 nothing, or it was in an I-frame, 1 it changed, 2 it was new
     models: Models
-    densities: Densities | None = None
+    densities: Densities | None = None  # those that are kept; None: there are none since the last I-frame
 
     @classmethod
     def initial(cls, width: int, height: int) -> "MainState":
@@ -80,7 +66,7 @@ class MainState:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """The body of a frame: its codes, the state behind it, and the bits of each of `RUN_PARTS` of its run."""
+    """The body of a frame: its codes, the state after it, and the bits of each of `RUN_PARTS` of its run."""
 
     codes: MainCodes
     after: MainState
@@ -95,27 +81,14 @@ def frame_body(
     most_splats: int,
     given: MainCodes | None = None,
 ) -> Body:
-    """frame_body(type) of spec.md section 15.5.
+    """frame_body(type) of spec.md section 15.5, of an I- or a P-frame after the state `before`.
 
-    Parameters
-    ----------
-    s
-        The bits.
-    frame_type
-        I or P.
-    before
-        The state behind the frame before.
-    lane_count
-        As in the sequence header.
-    most_splats
-        The splats that the level allows.
-    given
-        The codes that a Writer writes; they must fit `before`.
+    The level allows `most_splats`. `given` are the codes that a Writer writes.
 
     Raises
     ------
     UsageError
-        A Writer is given codes that no stream can have behind `before`.
+        A Writer is given codes that no stream can have after `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)
@@ -237,7 +210,7 @@ def _read_run(
 
 def _lengths(lanes: Lanes) -> dict[str, float]:
     """The code lengths in bits of the parts of a run, in the order of its passes."""
-    behind = dict(zip(RUN_PARTS, lanes.spent_behind.tolist(), strict=True))
+    behind = dict(zip(RUN_PARTS, lanes.spent_after.tolist(), strict=True))
     read = [part for part in PARTS_IN_ORDER if behind[part]]
     before = [0, *(behind[part] for part in read)]
     return {part: (behind[part] - start) / LENGTH_UNIT for part, start in zip(read, before, strict=False)}
@@ -264,20 +237,11 @@ def _write(s: Coder, run: RunWriter, lane_exponent: int) -> None:
 def code_run(
     run: Run, before: MainState, codes: MainCodes, count: int, given: MainCodes | None = None
 ) -> tuple[MainState, MainCodes]:
-    """The passes of a frame that has symbols: the state behind it, and its codes.
+    """The passes of a frame that has symbols: the state after it, and its codes.
 
-    Parameters
-    ----------
-    run
-        Writes or makes the symbols.
-    before
-        The state behind the frame before, that of an I-frame being without splats, with the densities of this frame.
-    codes
-        The elements in front of the run.
-    count
-        `splat_count` or `new_splat_count`.
-    given
-        The codes that are written.
+    `before` is the state after the frame before, that of an I-frame being without splats, with the densities of this
+    frame; `codes` are the elements in front of the run, `count` is `splat_count` or `new_splat_count`, and `given` are
+    the codes that are written.
     """
     state, step = before, step_of(codes.quantizer)
     if len(before.values):

@@ -45,11 +45,11 @@ class LayerHead:
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """The layers of the frame decoded last, up to the quality that is wanted.
+    """The layers of the frame decoded last, up to the highest that is wanted.
 
     Attributes
     ----------
-    quality
+    highest
         The highest layer that is wanted, at least 1.
     base
         The state of the base behind the frame; None in front of the first frame.
@@ -65,7 +65,7 @@ class Layers:
         Whether chunks behind the frame are skipped, since they may belong to a frame that is lost. For salvage alone.
     """
 
-    quality: int
+    highest: int
     base: MainState | None = None
     there: Mapping[int, MainState] = field(default_factory=dict)
     before: Mapping[int, MainState] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Layers:
         before = {} if frame_type == "I" else self.there
         there = before if frame_type == "R" else {}
         lost = frozenset[int]() if frame_type == "I" else self.lost
-        return Layers(self.quality, base, there, before, lost=lost)
+        return Layers(self.highest, base, there, before, lost=lost)
 
     def interrupted(self) -> "Layers":
         """The layers behind a damaged part of the stream: those that the frame had before it stay, the others are lost.
@@ -86,7 +86,7 @@ class Layers:
         Which frame a chunk behind the damage belongs to is unknown until there is one.
         """
         own = {layer: state for layer, state in self.there.items() if layer <= self.last}
-        lost = frozenset(layer for layer in range(1, self.quality + 1) if layer not in own)
+        lost = frozenset(layer for layer in range(1, self.highest + 1) if layer not in own)
         return replace(self, there=own, before={}, lost=lost, closed=True)
 
     def with_layer(self, layer: int, state: MainState) -> "Layers":
@@ -140,7 +140,7 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
                 "R-15.13-1",
                 f"`layer` is {layer}; it must be {layers.last + 1} to {header.layer_count - 1} here",
             )
-        if layer > layers.quality:
+        if layer > layers.highest:
             return LayerHead(layer, None)
         code = s.le("layer_type", 1, ord(told.type or "R"))
         if code not in LAYER_TYPES:

@@ -50,21 +50,7 @@ def _wrapped(vectors: I8) -> I8:
 
 
 def field_motion(state: I8, field: I8, side: int) -> I8:
-    """By how much each splat moves with the field (15-12).
-
-    Parameters
-    ----------
-    state
-        (N, 8), the splats of the frame before.
-    field
-        (rows, columns, 2), vectors in quarter pixels.
-    side
-        Side of a cell in pixels.
-
-    Returns
-    -------
-    (N, 2) in 1/256 pixel.
-    """
+    """By how much splats (N, 8) move with a field (rows, columns, 2) in 1/4 pixel, (N, 2) in 1/256 pixel (15-12)."""
     motion = np.empty((len(state), 2), np.int64)
     find_motion(state, field, side, motion)
     return motion
@@ -100,16 +86,8 @@ def _between(position: int, side: int, b: int, cells: int) -> tuple[int, int, in
 def mode_contexts(state: I8, motion: I8, past: I8, field: I8, side: int, width: int, height: int) -> I8:
     """The context of the mode of each splat (N,) (spec.md section 15.11).
 
-    Parameters
-    ----------
-    state, past
-        (N, 8) and (N,), the splats of the frame before, and what that frame did with them.
-    motion
-        (N, 2) in 1/256 pixel.
-    field, side
-        As in `field_motion`; side 0: there is no field.
-    width, height
-        Size of the frame in pixels.
+    `state` (N, 8) and `past` (N,) are the splats of the frame before and what it did with them, and `motion` (N, 2) is
+    that of the field, in 1/256 pixel; where there is none, `side` is 0.
     """
     contexts = np.empty(len(state), np.int64)
     find_mode_contexts(state, motion, past, field, side, width, height, contexts)

@@ -9,7 +9,7 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.main.cells import CELL
 from gsvc_ref.main.codes import REMOVED, CodeArrays, IntraCodes
 from gsvc_ref.main.state import A_LEAST, A_MOST, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, X_MOST, class_of
-from gsvc_ref.main.tables import EXP2, exp2
+from gsvc_ref.main.tables import EXP2
 
 STEP_MOST: Final = 2**17 - 1
 """The largest step of a position in 1/256 pixel."""
@@ -33,15 +33,7 @@ def place_bits(shapes: I8, j: I8) -> I8:
 
 
 def intra_state(codes: IntraCodes, step: int) -> I8:
-    """The state (N, 8) that the codes of an I-frame, or of new splats, stand for: (15-10), (15-15).
-
-    Parameters
-    ----------
-    codes
-        The codes.
-    step
-        D in 1/16.
-    """
+    """The state (N, 8) that codes of an I-frame, or of new splats, stand for: (15-10), (15-15); `step` is D in 1/16."""
     state = np.empty((len(codes), 8), np.int64)
     find_intra_state(codes.arrays, step, state)
     return state
@@ -82,31 +74,8 @@ def middle_of_place(cell: int, place: int, g: int) -> int:
     return 256 * CELL * cell + (place << (g + 8)) + (1 << (g + 7))
 
 
-def position_steps(state: I8, j: I8) -> tuple[I8, I8, I8]:
-    """g_x, g_y and g_s of (15-13), (N,) each, in 1/256 pixel."""
-    A, B, S = state[:, 2:5].T
-    g_x, g_y = (np.clip(exp2(v + 512 - 1024 * j, 8), 1, STEP_MOST) for v in (A, B))
-    return g_x, g_y, np.sign(S) * np.minimum(np.abs(S) * g_y >> 10, STEP_MOST)
-
-
 def add_differences(state: I8, motion: I8, differences: I8, step: int) -> I8:
-    """The splats of the frame before that stay, after motion and differences (15-13).
-
-    Parameters
-    ----------
-    state
-        (N, 8), the reference.
-    motion
-        (N, 2) in 1/256 pixel.
-    differences
-        (N, 8), q.
-    step
-        D in 1/16.
-
-    Returns
-    -------
-    (N, 8), their state.
-    """
+    """The state (N, 8) of splats that stay, after motion (N, 2) in 1/256 pixel and differences q (N, 8) (15-13)."""
     after, past = np.empty((len(state), 8), np.int64), np.empty(len(state), np.int64)
     find_after(state, motion, np.full(len(state), CHANGED), differences, step, after, past)
     return after

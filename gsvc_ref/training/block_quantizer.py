@@ -1,11 +1,10 @@
-"""The quantisers of one block, fine-tuned or learned in stages: values to codes, gradients, and learning.
+"""The quantisers of one block: values to codes, gradients, and learning.
 
 The forward direction is the decoder's own: codes are reconstructed by `gsvc_ref.paper`, so what fine-tuning
 sees is, bit for bit, what a decoder will have.
 """
 
 import math
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +15,6 @@ from gsvc_ref.paper import (
     Kept,
     LsqParameters,
     Quantizer,
-    RvqSettings,
     SplatBlock,
     coarsen_half,
     lsq,
@@ -28,8 +26,7 @@ from gsvc_ref.paper.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.paper.rvq_training import RvqState, initialize, moved
 from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.effects import Active, shape_error, shape_weights
-from gsvc_ref.training.loop import MIN_FACTOR
+from gsvc_ref.training.effects import Active, shape_weights
 from gsvc_ref.training.settings import BlockSettings
 from gsvc_ref.training.straight_through import (
     decode_cholesky,
@@ -77,8 +74,6 @@ class BlockQuantizer:
         Draws the starts of codebooks and replacements for dead codewords.
     kept
         Quantiser and codebooks that the decoder has and that are to be used unchanged, if there are any.
-    learn
-        Whether to learn the others of these values at once. `round_cholesky` and `learn_colors` learn them later.
     """
 
     def __init__(
@@ -90,8 +85,6 @@ class BlockQuantizer:
         settings: BlockSettings,
         rng: np.random.Generator,
         kept: Kept,
-        *,
-        learn: bool = True,
     ) -> None:
         self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
         self.active = np.ones((len(values), 3), np.bool_) if active is None else active
@@ -99,12 +92,10 @@ class BlockQuantizer:
         self._largest = np.float32(lsq.largest_code(settings.cholesky_bits))
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
         self.present = tuple(reference is None or bool(part.any()) for part in self.active.T)
-        self.rvq: RvqState | None = None
-        if learn:
-            difference = self.differences(values)
-            self.lsq = self._start_lsq(difference[:, 2:5])
-            self.rvq = self._start_rvq(difference[:, 5:8], settings.colors)
-            self._books, self._ends = rvq.joined(self.codebooks)
+        difference = self.differences(values)
+        self.lsq = self._start_lsq(difference[:, 2:5], shape_weights(values) if settings.weigh_factors else None)
+        self.rvq = self._start_rvq(difference[:, 5:8])
+        self._books, self._ends = rvq.joined(self.codebooks)
         self._shares = self._shares_of_colors()
         # A row each for scale and offset, in steps of the scale; the decoder's arithmetic stays binary32.
         self._lsq_optimizer = Adan(2, 3, AdanSettings(0.9, 0.92, 0.99))
@@ -117,67 +108,20 @@ class BlockQuantizer:
         mask = np.repeat(self.active, [2, 3, 3], axis=1)  # (n, 8)
         return np.where(mask, values - self.reference, np.float32(0)).astype(np.float32)
 
-    def snapped(self, values: F4) -> F4:
-        """The values (n, 8) f4 with the bits of the reference in what is not active."""
-        if self.reference is None:
-            return values.copy()
-        return np.where(np.repeat(self.active, [2, 3, 3], axis=1), values, self.reference)
-
-    def round_positions(self, values: F4) -> None:
-        """Round the positions of values (n, 8) f4 in place to what a decoder will have."""
-        if self.present[0]:
-            reference = self._no_reference if self.reference is None else self.reference
-            decode_positions(self.differences(values), reference, self.size, self.step_exponent, values)
-
-    def round_cholesky(self, values: F4, worth: float) -> None:
-        """Round the factors of values (n, 8) f4 in place, with scale and offset learned for them.
-
-        Those that the decoder has are used if they change the picture by at most `worth`, a sum of squares.
-        """
-        if not self.present[1]:
-            return
-        difference = self.differences(values)
-        reference = self._no_reference if self.reference is None else self.reference
-        self.lsq = self._start_lsq(difference[:, 2:5], shape_weights(values))
-        rounded = self._rounded_cholesky(values, difference, reference)
-        if self.kept.quantizer is not None and self.reference is None and not shape_error(values, rounded) <= worth:
-            self.kept = Kept(None, self.kept.codebooks)
-            self.lsq = self._start_lsq(difference[:, 2:5], shape_weights(values))
-            rounded = self._rounded_cholesky(values, difference, reference)
-        values[:] = rounded
-
-    def _rounded_cholesky(self, values: F4, difference: F4, reference: F4) -> F4:
-        """The values (n, 8) f4 with factors as a decoder will have them, none rounded to below MIN_FACTOR."""
-        rounded = values.copy()
-        decode_cholesky(difference, reference, self.lsq.scale, self.lsq.offset, self._largest, rounded)
-        for column, step in ((2, self.lsq.scale[0]), (4, self.lsq.scale[2])):
-            small = (rounded[:, column] < MIN_FACTOR) & (difference[:, column] != 0)
-            missing = MIN_FACTOR - rounded[small, column]
-            rounded[small, column] += step * np.ceil(missing / step)
-        return rounded
-
-    def learn_colors(self, values: F4, factor: int = 1) -> None:
-        """Learn codebooks for the colours of values (n, 8) f4, `factor` times as large as the settings say."""
-        self.kept = Kept(self.kept.quantizer, None)
-        settings, count = self.settings.colors, int(np.count_nonzero(self.active[:, 2]))
-        settings = replace(settings, codewords=tuple(factor * size for size in settings.codewords))
-        settings = replace(settings, codewords=enough_codewords(settings, count))
-        self.rvq = self._start_rvq(self.differences(values)[:, 5:8], settings)
-
-    def _start_lsq(self, cholesky: F4, weights: F8 | None = None) -> LsqParameters:
+    def _start_lsq(self, cholesky: F4, weights: F8 | None) -> LsqParameters:
         if self.kept.quantizer is not None:
             return LsqParameters(self.kept.quantizer.scale, self.kept.quantizer.offset)
         if (fixed := fixed_steps(self.settings)) is not None:
             return fixed
         return from_mse(cholesky, self.settings.cholesky_bits, weights)
 
-    def _start_rvq(self, colors: F4, settings: RvqSettings) -> RvqState | None:
+    def _start_rvq(self, colors: F4) -> RvqState | None:
         if self.kept.codebooks is not None:
             return None
         chosen = self.active[:, 2]
         if not chosen.any():
             chosen = np.ones_like(chosen)
-        return initialize(colors[chosen], settings, self.rng, self.area[chosen])
+        return initialize(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
 
     def _shares_of_colors(self) -> NDArray[np.float64]:
         """How much each colour counts in learning, (n,) f8: 0 if it is not active, and 1 on average over the others."""
@@ -198,16 +142,10 @@ class BlockQuantizer:
         assert self.rvq is not None
         return self.rvq.codebooks
 
-    def codes(self, values: F4, colors: NDArray[np.uint16] | None = None) -> SplatBlock:
-        """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet.
-
-        `colors` are the codewords (n, M) u2; None: the nearest.
-        """
+    def codes(self, values: F4) -> SplatBlock:
+        """The codes of values (n, 8) f4, with the quantisers that the decoder does not have yet."""
         difference = self.differences(values)
         position, cholesky, color = self.present
-        indices = colors if color else None
-        if color and indices is None:
-            indices = rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks))
         own_quantizer = cholesky and self.kept.quantizer is None
         own_codebooks = color and self.kept.codebooks is None
         return SplatBlock(
@@ -215,7 +153,7 @@ class BlockQuantizer:
             cholesky=lsq_quantize(difference[:, 2:5], self.lsq.scale, self.lsq.offset, self.settings.cholesky_bits)
             if cholesky
             else None,
-            colors=indices,
+            colors=rvq.rvq_assign(difference[:, 5:8], *rvq.flat(self.codebooks)) if color else None,
             quantizer=self.quantizer if own_quantizer else None,
             codebooks=tuple(book.astype(np.float16) for book in self.codebooks) if own_codebooks else None,
         )
@@ -307,12 +245,6 @@ class BlockQuantizer:
     def learned(self, learned: Learned) -> None:
         self.lsq, self.rvq = learned
         self._books, self._ends = rvq.joined(self.codebooks)
-
-
-def enough_codewords(settings: RvqSettings, count: int) -> tuple[int, ...]:
-    """The numbers of codewords for `count` colours: a stage with one for each where that is no more than its own."""
-    needed = count + int(settings.zero_codeword)
-    return (needed,) if needed <= settings.codewords[0] else settings.codewords
 
 
 def fixed_steps(settings: BlockSettings) -> LsqParameters | None:

@@ -9,7 +9,9 @@ from numpy.random import Generator
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.training.augmentation import residual_splats
-from gsvc_ref.training.events import NEW_SIZE
+
+NEW_SIZE: Final = 0.165
+"""Deviation of a splat that is added where the residual is, in units of the mean distance between splats; measured."""
 
 STRETCH: Final = 4.0
 """Length over width of a new splat on a straight edge; 1 where there is none."""

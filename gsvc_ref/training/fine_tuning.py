@@ -45,7 +45,9 @@ def fine_tune(
         The number of iterations made.
     """
     model = _QuantizedValues(values, quantizer, settings)
-    iterations = minimise(model, objective, settings, on_iteration=on_iteration)
+    objective.freeze(quantizer.forward(values)[0], quantizer.static)  # no step changes these splats
+    iterations = minimise(model, objective, settings, on_iteration)
+    objective.thaw()
     values, quantizer.learned = model.best
     codes = quantizer.codes(values)
     return codes, reconstruct(codes, quantizer.before), iterations
@@ -61,10 +63,6 @@ class _QuantizedValues:
         self.quantizer = quantizer
         self.optimizer = Adan(len(values), PARAMETERS_PER_SPLAT, settings.optimizer)
         self.least, self.best = math.inf, (values, quantizer.learned)
-
-    def freeze(self, objective: Objective) -> None:
-        """Let the objective render the splats once and for all that no step changes."""
-        objective.freeze(self.quantizer.forward(self.values)[0], self.quantizer.static)
 
     def evaluate(self, objective: Objective) -> tuple[float, F4]:
         """The loss of the decoded splats, and the straight-through gradient by the values, (n, 8) f4."""

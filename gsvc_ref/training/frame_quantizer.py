@@ -1,18 +1,16 @@
-"""The quantisers of a frame that is fine-tuned or rounded in stages: what is coded as a difference, and used again."""
+"""The quantisers of a frame: what is coded as a difference, and which quantisers of the decoder are used again."""
 
 import math
-from collections.abc import Iterator
-from itertools import repeat
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_base.arrays import F4
-from gsvc_ref.paper import FrameCodes, Kept, Quantizer, State, reconstruct
+from gsvc_base.splats import F4
+from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned, fixed_steps
-from gsvc_ref.training.effects import Active, effects, steps_for
+from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned
+from gsvc_ref.training.effects import Active, effects
 from gsvc_ref.training.population import NEW, Population
 from gsvc_ref.training.psnr import psnr_of_loss
 from gsvc_ref.training.settings import BlockSettings
@@ -22,14 +20,6 @@ REUSE_ERROR: Final = 2.5
 
 REUSE_LOSS: Final = 1.25
 """The decoder's quantisers are used again for new splats if they raise the loss by at most this factor (1 dB)."""
-
-WORTH_QUANTIZERS: Final = 0.05
-"""In stages quantisers are sent anew where those of the decoder add more than this part of the error, 0.2 dB."""
-
-STEP_SHARE: Final = 0.12
-"""In stages fixed steps are the largest that add no more than this part of the error."""
-INTRA_SHARE: Final = 0.02
-"""The same for positions of new splats."""
 
 BITS_OF_ATTRIBUTES: Final = np.array([1.0, 1.0, 0.5], np.float32)
 """What a change of position, Cholesky factor and colour must be worth, against each other: about as their bits. On 16
@@ -62,16 +52,6 @@ class FrameQuantizer:
         Draws the starts of codebooks.
     accepted
         A loss that is accepted anyway: with less, differences are coded no finer than for this one.
-    in_stages
-        Whether codes come from rounding in stages, which begins with what the decoder keeps and learns quantisers on
-        the way; else all are learned at once, and what the decoder keeps is used where it is hardly worse.
-
-    Attributes
-    ----------
-    worth
-        By how much of a sum of squares quantisers of its own, or larger ones, must be better in stages.
-    most_codewords
-        The most codewords of a stage that the stream allows.
     """
 
     def __init__(
@@ -83,8 +63,6 @@ class FrameQuantizer:
         before: State,
         rng: np.random.Generator,
         accepted: float = 0.0,
-        *,
-        in_stages: bool = False,
     ) -> None:
         values = population.parameters()
         origins = population.origins[population.origins != NEW]
@@ -94,34 +72,22 @@ class FrameQuantizer:
         size = np.array([before.width / 2, before.height / 2], np.float32)
         self.inter: BlockQuantizer | None = None
         self.intra: BlockQuantizer | None = None
-        self.most_codewords = max(*intra.colors.codewords, *inter.colors.codewords)
         total = max(objective.loss(values), accepted) * before.width * before.height
-        self.worth = WORTH_QUANTIZERS * total
         if self.survivors:
             old, reference = values[: self.survivors], before.splats.to_array()[origins]
             active = changed(old, reference, total / len(values) * inter.static_threshold)
-            if in_stages:
-                block = steps_for(old, active, STEP_SHARE * total * len(old) / len(values), inter)
-                self.inter = staged_inter_quantizer(old, reference, active, size, block, before.inter, rng)
-            else:
-                block = with_steps_for(total / (before.width * before.height), inter)
-                self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
+            block = with_steps_for(total / (before.width * before.height), inter)
+            self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)
         if self.survivors < len(values):
-            if in_stages:
-                new = values[self.survivors :]
-                block = steps_for(new, None, INTRA_SHARE * total * len(new) / len(values), intra)
-                self.intra = BlockQuantizer(new, None, None, size, block, rng, before.intra, learn=False)
-            else:
-                self.intra = intra_quantizer(values, self.survivors, objective, size, intra, before, rng)
+            self.intra = intra_quantizer(values, self.survivors, objective, size, intra, before, rng)
         rows = (slice(0, self.survivors), slice(self.survivors, None))
         self.blocks = [
             (block, part) for block, part in zip((self.inter, self.intra), rows, strict=True) if block is not None
         ]
 
-    def codes(self, values: F4, colors: list[NDArray[np.uint16]] | None = None) -> FrameCodes:
-        """The codes of values (n, 8) f4; `colors` are the codewords (n, M) u2 by block, None for the nearest ones."""
-        given: Iterator[NDArray[np.uint16] | None] = iter(colors) if colors else repeat(None)
-        parts = {id(block): block.codes(values[rows], next(given)) for block, rows in self.blocks}
+    def codes(self, values: F4) -> FrameCodes:
+        """The codes of values (n, 8) f4."""
+        parts = {id(block): block.codes(values[rows]) for block, rows in self.blocks}
         inter, intra = (parts.get(id(block)) for block in (self.inter, self.intra))
         if len(self.map) == 0:
             return FrameCodes.intra_frame(intra)
@@ -144,29 +110,6 @@ class FrameQuantizer:
         """One step of all quantisers that are learned."""
         for (block, _), result in zip(self.blocks, results, strict=True):
             block.learn(result, factor)
-
-    @property
-    def active(self) -> Active:
-        """The attributes that may differ from the reference, (n, 3) bool; all of splats that have none."""
-        return np.concatenate([block.active for block, _ in self.blocks])
-
-    def snapped(self, values: F4) -> F4:
-        """The values (n, 8) f4 with the bits of the reference in what is not active."""
-        return np.concatenate([block.snapped(values[rows]) for block, rows in self.blocks])
-
-    def rounded_positions(self, values: F4) -> F4:
-        """The values (n, 8) f4 with positions as a decoder will have them."""
-        rounded = values.copy()
-        for block, rows in self.blocks:
-            block.round_positions(rounded[rows])
-        return rounded
-
-    def rounded_cholesky(self, values: F4) -> F4:
-        """The values (n, 8) f4 with factors as a decoder will have them, by quantisers that are learned for them."""
-        rounded = values.copy()
-        for block, rows in self.blocks:
-            block.round_cholesky(rounded[rows], self.worth)
-        return rounded
 
     @property
     def static(self) -> NDArray[np.bool_]:
@@ -214,15 +157,6 @@ def inter_quantizer(
         if again.color_error(values) <= REUSE_ERROR * fresh.color_error(values):
             return again
     return quantizer(Kept(same, None))
-
-
-def staged_inter_quantizer(
-    values: F4, reference: F4, active: Active, size: F4, settings: BlockSettings, kept: Kept, rng: np.random.Generator
-) -> BlockQuantizer:
-    """A quantiser of differences that begins with what the decoder keeps, but for another step of the factors."""
-    step = fixed_steps(settings)
-    same = kept.quantizer if step is not None and kept.quantizer == Quantizer(step.scale, step.offset) else None
-    return BlockQuantizer(values, reference, active, size, settings, rng, Kept(same, kept.codebooks), learn=False)
 
 
 def intra_quantizer(

@@ -1,9 +1,9 @@
-"""The loop of all training: evaluate, add, step, remove, stop or go on.
+"""The loop of all training: evaluate, step, prune, stop or go on.
 
 `fit` runs it over the nine values of each splat, `fine_tune` over the eight that are quantised and coded.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import ClassVar, Final, Protocol
 
 import numpy as np
@@ -12,7 +12,6 @@ from gsvc_base.arrays import F4
 from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.adan import Adan
-from gsvc_ref.training.events import Events
 from gsvc_ref.training.settings import FitSettings
 
 MIN_FACTOR: Final = np.float32(0.25)
@@ -46,9 +45,6 @@ class Model(Protocol):
     optimizer: Adan
     keeps_best: ClassVar[bool]
 
-    def freeze(self, objective: Objective) -> None:
-        """Tell the objective which splats stay as they are."""
-
     def evaluate(self, objective: Objective) -> tuple[float, F4]:
         """The loss, and its gradient by `values`, (N, P) f4."""
         ...
@@ -61,12 +57,13 @@ def minimise(
     model: Model,
     objective: Objective,
     settings: FitSettings,
-    events: Events | None = None,
     on_iteration: OnIteration | None = None,
+    removals: Mapping[int, Callable[[], None]] | None = None,
 ) -> int:
     """Minimise the loss of a picture over the values of a model, which are changed in place.
 
-    Training does not stop early before the last of the `events`, splats that come and go.
+    `removals` are called after the steps of their numbers, from 1: splats that GSP removes. Training does not stop
+    early before the last of them.
 
     Returns
     -------
@@ -78,15 +75,12 @@ def minimise(
     rates = learned_rates(settings)[:columns]
     convergence = settings.convergence.start() if settings.convergence else None
     iterations = settings.iterations + 1 if model.keeps_best else settings.iterations
-    last_event = events.last if events else -1
+    removals = removals or {}
+    last_removal = max(removals, default=0)
     steps = 0
-    model.freeze(objective)
     for i in range(iterations):
         loss, gradient = model.evaluate(objective)
-        if events and events.add(i):
-            model.freeze(objective)
-            loss, gradient = model.evaluate(objective)
-        stop = i + 1 == iterations or bool(convergence and convergence.update(loss) and i >= last_event)
+        stop = i + 1 == iterations or bool(convergence and convergence.update(loss) and i + 1 >= last_removal)
         if not (stop and model.keeps_best):
             factor = settings.schedule(i)
             model.learn(factor)
@@ -96,13 +90,12 @@ def minimise(
             )  # fmt: skip
             keep_factors(model.values)
             steps += 1
-        if events and events.remove(i):
-            model.freeze(objective)
+        if i + 1 in removals:
+            removals[i + 1]()
         if on_iteration:
             on_iteration(steps, settings.iterations, loss)
         if stop:
             break
-    objective.thaw()
     return steps
 
 

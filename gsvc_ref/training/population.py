@@ -1,6 +1,5 @@
 """The splats of one frame in training."""
 
-import copy
 from typing import ClassVar, Final
 
 import numpy as np
@@ -9,10 +8,9 @@ from numpy.typing import NDArray
 from gsvc_base.arrays import F4
 from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training.adan import Adan
+from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.augmentation import augment
-from gsvc_ref.training.pruning import compact
-from gsvc_ref.training.settings import AnyFit, FitSettings
+from gsvc_ref.training.pruning import compact, prune
 from gsvc_ref.training.weighting import WEIGHT, weighted_gradients, weighted_parameters
 
 NEW: Final = -1
@@ -28,19 +26,17 @@ class Population:
         (N, 9) f4: the columns of `Splats.to_array`, then w.
     origins
         (N,) i8: the index of the splat in the reference frame, or NEW.
-    frozen
-        (N,) bool: which splats `fit` leaves as they are, and does not render again and again.
     optimizer
         Adan's state of `values`.
     """
 
     keeps_best: ClassVar[bool] = False
 
-    def __init__(self, splats: Splats, weight: float, origins: NDArray[np.int64], settings: AnyFit) -> None:
+    def __init__(
+        self, splats: Splats, weight: float, origins: NDArray[np.int64], optimizer: AdanSettings | None = None
+    ) -> None:
         self.values = _rows(splats, weight)  # (N, 9) f4
         self.origins = origins
-        self.frozen = np.zeros(len(splats), np.bool_)
-        optimizer = settings.optimizer if isinstance(settings, FitSettings) else None
         self.optimizer = Adan(len(splats), PARAMETERS_PER_SPLAT + 1, optimizer)
 
     def __len__(self) -> int:
@@ -59,15 +55,6 @@ class Population:
         """The splats with w c' as their colours: what is coded, and what the next frame starts from."""
         return Splats.from_array(self.parameters())
 
-    def copy(self) -> "Population":
-        """A copy that changes of this one do not reach."""
-        return copy.deepcopy(self)
-
-    def assign(self, other: "Population") -> None:
-        """Become the other population."""
-        self.values, self.origins, self.optimizer = other.values, other.origins, other.optimizer
-        self.frozen = other.frozen
-
     def append(self, splats: Splats, weight: float) -> None:
         """Add new splats at the end, with fresh optimiser state."""
         self._grow(np.concatenate([self.values, _rows(splats, weight)]))
@@ -76,27 +63,22 @@ class Population:
         """Add random splats of small weight at the end, with fresh optimiser state; see `augmentation.augment`."""
         self._grow(augment(self.values, uniforms, width, height))
 
-    def put(self, parameters: F4) -> None:
-        """Take other parameters (N, 8) f4 for the same splats, with weights of 1 from now on."""
-        self.values[:, :WEIGHT], self.values[:, WEIGHT] = parameters, 1
-
     def _grow(self, values: F4) -> None:
         """Take values with new rows at their end."""
         new = len(values) - len(self)
         self.values = values
         self.origins = np.concatenate([self.origins, np.full(new, NEW, np.int64)])
-        self.frozen = np.concatenate([self.frozen, np.zeros(new, np.bool_)])
         self.optimizer = self.optimizer.append(new)
 
     def take(self, indices: NDArray[np.int64]) -> None:
         """Keep the splats of these indices, in this order, with their optimiser state."""
         kept = compact(indices, self.values, *self.optimizer.state)
         self.values, self.optimizer = kept.values, self.optimizer.with_state(*kept[1:])
-        self.origins, self.frozen = self.origins[indices], self.frozen[indices]
+        self.origins = self.origins[indices]
 
-    def freeze(self, objective: Objective) -> None:
-        """Let the objective render the frozen splats once and for all."""
-        objective.freeze(self.parameters(), self.frozen)
+    def prune(self, count: int) -> None:
+        """Remove the splats of the least |w| (GSP)."""
+        self.take(prune(self.weights, count))
 
     def evaluate(self, objective: Objective) -> tuple[float, F4]:
         """The loss, and its gradient by all nine columns, (N, 9) f4, by the chain rule through w c'."""

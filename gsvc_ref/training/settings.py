@@ -101,8 +101,6 @@ class FitSettings:
         When to stop early, or None.
     pruning
         When GSP removes how many splats, which also makes the weights w learnable; None: neither.
-    growth
-        Start with few splats and add where the residual is; None: all from the start.
     """
 
     iterations: int = 50_000
@@ -113,7 +111,6 @@ class FitSettings:
     relative_steps: bool = False
     convergence: Convergence | None = field(default_factory=Convergence)
     pruning: PruningSchedule | None = field(default_factory=PruningSchedule.intra)
-    growth: Growth | None = None
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -126,76 +123,10 @@ class FitSettings:
             changes.setdefault("schedule", replace(self.schedule, steps=changes["iterations"]))
         return replace(self, **changes)
 
-
-@dataclass(frozen=True)
-class DescentSettings:
-    """How a frame is fitted by L-BFGS (`walk`), preset `quick`'s way; the defaults are those of its P-frames.
-
-    Attributes
-    ----------
-    iterations
-        Maximum number of steps, for each of which the picture is evaluated, and once more for each addition of growth.
-    pull
-        lambda of the pull of splats towards where they began, as a share of the metric: so that no bits go to
-        directions that gain next to nothing. Splats that the reference does not have are free of it.
-    least_gain
-        The fit is over once PATIENCE evaluations in a row have gained fewer dB than this on average; 0: never.
-    pruning
-        When the faintest splats are removed, and how many; None: never.
-    growth
-        As in `FitSettings`.
-    """
-
-    iterations: int = 24
-    pull: float = 0.01
-    least_gain: float = 0.06
-    pruning: PruningSchedule | None = None
-    growth: Growth | None = None
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if not 0 <= self.iterations <= MAX_ITERATIONS:
-            raise UsageError(f"iterations is {self.iterations}; it must be in 0..{MAX_ITERATIONS}")
-        if not (0 <= self.pull <= 1e3 and 0 <= self.least_gain <= 1e3):
-            raise UsageError(f"{self}: pull and least_gain must be in 0..1000")
-
-    def with_(self, **changes: Any) -> Self:
-        """A copy with other fields by name."""
-        return replace(self, **changes)
-
-
-@dataclass(frozen=True)
-class RoundingSettings:
-    """How fitted splats are rounded to codes in stages (`staged_rounding`), preset `quick`'s way.
-
-    Attributes
-    ----------
-    iterations
-        Steps of L-BFGS on the way, beside the evaluation by which colours are solved.
-    before
-        The share of them that comes before positions are rounded.
-    """
-
-    iterations: int = 4
-    before: float = 1.0
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if not 0 <= self.iterations <= MAX_ITERATIONS or not 0 <= self.before <= 1:
-            raise UsageError(f"{self}: iterations must be in 0..{MAX_ITERATIONS} and before in 0..1")
-
-    @property
-    def first(self) -> int:
-        """The steps before positions are rounded."""
-        return round(self.before * self.iterations)
-
-    def with_(self, **changes: Any) -> Self:
-        """A copy with other fields by name."""
-        return replace(self, **changes)
-
-
-AnyFit = FitSettings | DescentSettings
-"""How a frame is fitted: by Adan, or by L-BFGS."""
+    def pruning_of(self, fraction: float) -> Self:
+        """A copy whose pruning removes this fraction of the splats."""
+        assert self.pruning is not None
+        return replace(self, pruning=replace(self.pruning, fraction=fraction))
 
 
 @dataclass(frozen=True)
@@ -206,13 +137,11 @@ class BlockSettings:
     ----------
     position_step
         Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their
-        low bits cost nothing; None keeps all bits of binary16. Rounding in stages takes no notice of the number: the
-        error of the frame says which step (`steps_for`).
+        low bits cost nothing; None keeps all bits of binary16.
     cholesky_bits
         b, the bits of a Cholesky code.
     cholesky_step
-        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset. Rounding in stages
-        chooses the number as for positions.
+        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset.
     colors
         Stages, codewords and training of the residual vector quantiser.
     weigh_by_area
@@ -224,6 +153,9 @@ class BlockSettings:
     static_threshold
         P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
         share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
+    weigh_factors
+        Begin with the scale and offset of Cholesky factors by which the picture changes least (`shape_weights`), not
+        the factors themselves: one long needle then does not make the steps of all splats coarse.
     """
 
     position_step: float | None = None
@@ -234,6 +166,7 @@ class BlockSettings:
     commitment: float = 1.0
     quantizer_rate: float = 1e-3
     static_threshold: float = 0.0
+    weigh_factors: bool = False
 
     def __post_init__(self) -> None:
         check_types(self)

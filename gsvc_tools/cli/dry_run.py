@@ -45,15 +45,15 @@ def lines(name: str, found: "Estimate", settings: "Settings") -> list[str]:
         *(f"  note: {note}" for note in found.notes),
         f"settings: {describe_settings(settings, video.width, video.height)}",
         f"likely, by {plural(found.frames_tried, 'frame')} that were encoded and thrown away{per_second}:",
-        f"  time       {_told(found.seconds, duration)}, on this machine as busy as it is",
-        f"  size       {_told(found.file_bytes, lambda size: f'{_rounded(size):,}')} bytes",
-        f"  bits/pixel {_told(found.bits_per_pixel, lambda bits: f'{bits:.3g}')}",
-        f"  mean PSNR  {_told(found.mean_psnr, lambda quality: f'{quality:.1f}')} dB",
+        f"  time       {_with_range(found.seconds, duration)}, on this machine as busy as it is",
+        f"  size       {_with_range(found.file_bytes, lambda size: f'{_rounded(size):,}')} bytes",
+        f"  bits/pixel {_with_range(found.bits_per_pixel, lambda bits: f'{bits:.3g}')}",
+        f"  mean PSNR  {_with_range(found.mean_psnr, lambda quality: f'{quality:.1f}')} dB",
         f"  splats     {found.splats:,} in an I-frame; level {found.level}",
     ]
 
 
-def _told(values: "Range", text: Callable[[float], str]) -> str:
+def _with_range(values: "Range", text: Callable[[float], str]) -> str:
     """What is likely, and from where to where."""
     return f"{text(values.likely)} ({text(values.low)} to {text(values.high)})"
 

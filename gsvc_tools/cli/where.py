@@ -100,7 +100,7 @@ def started_processes(arguments: Namespace) -> Iterator[Processes | None]:
 
 
 def _end(processes: Processes) -> None:
-    """End processes: whatever they are still at is not wanted."""
+    """End processes; their work is not wanted."""
     with Interrupts(patient=True) as interrupts:
         interrupts.held = True
         processes.kill()

@@ -68,11 +68,11 @@ class Cluster(Executor):
 
     Attributes
     ----------
-    run_s
+    segment_s
         Seconds that a task is best meant to take.
     """
 
-    run_s = TASK_S
+    segment_s = TASK_S
 
     def __init__(self, address: str, client: Any) -> None:
         self.address, self._client = address, client
@@ -115,7 +115,7 @@ class Cluster(Executor):
             worker, asked.result = pickle.loads(task.result())
         except Exception as error:
             if task.status == "error":
-                asked.fail(_told(error))
+                asked.fail(_as_raised_here(error))
             else:  # it was lost with the scheduler, perhaps on its way back
                 self._again.put(asked)
             return
@@ -185,7 +185,7 @@ class _Call:
         self.task = None
 
 
-def _told(error: BaseException) -> Exception:
+def _as_raised_here(error: BaseException) -> Exception:
     """What is raised here for an exception of dask or of a worker."""
     if type(error).__name__ == "KilledWorker":
         worker = getattr(getattr(error, "last_worker", None), "address", "an unknown address")

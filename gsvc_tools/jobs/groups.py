@@ -1,11 +1,11 @@
-"""Groups of pictures, which are encoded each for itself, run by run.
+"""Groups of pictures, which are encoded independently, segment by segment.
 
-`loop` says what a group is, and why it does not matter where and in which order groups are encoded.
+`gsvc_ref.encoder.loop` says what a group is, and why it does not matter where and in which order groups are encoded.
 
-A *run* is some successive frames of a group, and the coder that the run before them left: all that another process
-needs, or another machine. What comes back are the encoded frames, and the coder for the next run. A run is short, so
-frames are written soon after they are done, little is lost with a process that dies, and a group may be as long as it
-likes.
+A *segment* is some successive frames of a group, and the coder that the segment before them left: all that another
+process needs, or another machine. What comes back are the encoded frames, and the coder for the next segment. Segments
+are short, so frames are written soon after they are done, little is lost with a process that dies, and a group may have
+any length.
 """
 
 import time
@@ -26,29 +26,29 @@ from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.paper import FrameType
 from gsvc_tools.jobs.resume import GroupInWork
 
-RUN_S: Final = 0.5
-"""Seconds that a run is meant to take, by the pace of the run before it in its group; the first run has one frame.
+SEGMENT_S: Final = 0.5
+"""Seconds that a segment is meant to take, by the pace of the one before it in its group; the first has one frame.
 A coder of 352x288 pixels and 2,000 splats is 1.7 MB, which take 2 ms to pickle and make again, each time it is sent."""
 
 MOST_FRAMES: Final = 16
-"""Maximum number of frames of a run of RUN_S, and in proportion of one that is meant to take longer."""
+"""Maximum number of frames of a segment of SEGMENT_S, and in proportion of one that is meant to take longer."""
 
 MOST_BYTES: Final = 1 << 25
-"""Maximum number of bytes of the frames of a run, unless it is a single frame."""
+"""Maximum number of bytes of the frames of a segment, unless it is a single frame."""
 
 I_FRAME: Final = 4
 """How many P-frames take as long as an I-frame, about."""
 
 
-class EncodedRun(NamedTuple):
-    """What became of a run.
+class EncodedSegment(NamedTuple):
+    """What became of a segment.
 
     Attributes
     ----------
     frames
         The encoded frames, each with the seconds that it took.
     coder
-        The coder for the next run.
+        The coder for the next segment.
     fault
         What ended it early, and where that was raised.
     """
@@ -63,7 +63,7 @@ class RemotePlaceError(Exception):
     """The cause of an exception from another process: it says where that was raised."""
 
 
-def encode_run(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, int]]) -> EncodedRun:
+def encode_segment(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, int]]) -> EncodedSegment:
     """Encode successive frames of a group, given with their types and numbers; this is what a worker is asked to do."""
     encoded: list[tuple[EncodedFrame, float]] = []
     for frame, kind, number in frames:
@@ -71,9 +71,9 @@ def encode_run(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, int]]
         try:
             made = coder.encode(frame, kind, number, silent)
         except Exception as error:
-            return EncodedRun(encoded, coder, _portable(error), traceback.format_exc())
+            return EncodedSegment(encoded, coder, _portable(error), traceback.format_exc())
         encoded.append((made, time.perf_counter() - begin))
-    return EncodedRun(encoded, coder)
+    return EncodedSegment(encoded, coder)
 
 
 def _portable(error: Exception) -> Exception:
@@ -103,42 +103,42 @@ class Group:
     Attributes
     ----------
     coder
-        The coder for its next run; None while the first frame of the stream has not decided what is in it.
+        The coder for its next segment; None while the first frame of the stream has not decided what is in it.
     waiting, given, done
-        Its frames: those for later runs, those of the run in work, and those that are encoded and not yet written.
+        Its frames: those for later segments, of the segment in work, and those that are encoded and not yet written.
     task
-        The run in work.
+        The segment in work.
     tries
-        How often this run was given out.
+        How often this segment was given out.
     pace
-        Seconds that a frame of the last run took.
+        Seconds that a frame of the last segment took.
     is_whole
         Whether all of its frames are known.
     fault
         What stands in place of its next frame.
     resumed
         What keeps it, or has kept it before; None if groups are not kept.
-    run_s
-        Seconds that a run is meant to take.
+    segment_s
+        Seconds that a segment is meant to take.
     """
 
     def __init__(
-        self, coder: GroupCoder | None, resumed: GroupInWork | None = None, run_s: float | None = None
+        self, coder: GroupCoder | None, resumed: GroupInWork | None = None, segment_s: float | None = None
     ) -> None:
         self.coder, self.resumed = coder, resumed
-        self.run_s = RUN_S if run_s is None else run_s
+        self.segment_s = SEGMENT_S if segment_s is None else segment_s
         self.waiting: deque[TypedFrame[Frame]] = deque()
         self.given: list[TypedFrame[Frame]] = []
         self.done: deque[Done] = deque()
-        self.task: Future[EncodedRun] | None = None
+        self.task: Future[EncodedSegment] | None = None
         self.tries = 0
-        self.pace = self.run_s
+        self.pace = self.segment_s
         self.is_whole = False
         self.fault: Exception | None = None
 
     @property
     def may_go_on(self) -> bool:
-        """Whether its next run can be given out."""
+        """Whether its next segment can be given out."""
         return self.task is None and self.fault is None and bool(self.given or self.waiting)
 
     @property
@@ -167,23 +167,25 @@ class Group:
         if self.resumed is not None:
             self.resumed.end(is_last=is_last)
 
-    def take_run(self) -> list[tuple[Frame, FrameType, int]]:
-        """The frames of the next run, or again of one that was lost."""
+    def take_segment(self) -> list[tuple[Frame, FrameType, int]]:
+        """The frames of the next segment, or again of one that was lost."""
         if not self.given:
-            most = min(MOST_FRAMES * max(1, round(self.run_s / RUN_S)), MOST_BYTES // self.waiting[0].frame.nbytes)
-            count = min(max(1, min(int(self.run_s / self.pace), most)), len(self.waiting))
+            most = min(
+                MOST_FRAMES * max(1, round(self.segment_s / SEGMENT_S)), MOST_BYTES // self.waiting[0].frame.nbytes
+            )
+            count = min(max(1, min(int(self.segment_s / self.pace), most)), len(self.waiting))
             self.given = [self.waiting.popleft() for _ in range(count)]
         return [(item.frame, item.type, item.number) for item in self.given]
 
-    def keep(self, run: EncodedRun) -> None:
+    def keep(self, segment: EncodedSegment) -> None:
         """Keep what became of the frames given."""
         self.tries = 0
-        for item, (encoded, seconds) in zip(self.given, run.frames, strict=False):
+        for item, (encoded, seconds) in zip(self.given, segment.frames, strict=False):
             self.done.append(Done(replace(item, frame=NO_PICTURE), encoded, seconds, item.frame.nbytes))
             self.pace = max(seconds, 1e-6)
             if self.resumed is not None:
-                self.resumed.add(encoded, seconds, run.coder.decided())
-        if run.fault is not None:
-            self.fault = run.fault
-            self.fault.__cause__ = RemotePlaceError(run.place)
-        self.given, self.coder = [], run.coder
+                self.resumed.add(encoded, seconds, segment.coder.decided())
+        if segment.fault is not None:
+            self.fault = segment.fault
+            self.fault.__cause__ = RemotePlaceError(segment.place)
+        self.given, self.coder = [], segment.coder

@@ -1,7 +1,7 @@
 """An encoded group of pictures as bytes and back, so that another encode can go on with it.
 
-It is a `.gsvc` stream of its own: its frames with their layers, and behind each frame a private chunk with what else an
-`EncodedFrame` says, as JSON. So what reads it is the decoder, which takes any bytes, and every chunk has a checksum.
+It is a `.gsvc` stream: its frames with their layers, and after each frame a private chunk with the rest of its
+`EncodedFrame`, as JSON. So the decoder reads it, which takes any bytes, and every chunk has a checksum.
 """
 
 import json
@@ -28,7 +28,7 @@ OURS: Final = UUID("0f1ee9a8-6c0e-4c35-9d0f-5f4b1d0c7a53").bytes
 """What the private chunks begin with."""
 
 FRAME_RECORD, GROUP_RECORD = "p", "q"
-"""Types of the private chunks behind each frame, and behind all of them."""
+"""Types of the private chunks after each frame, and after all of them."""
 
 MAX_RECORD: Final = 1 << 16
 """Maximum number of bytes of a record; those of gsvc_ref have about 600."""
@@ -50,7 +50,7 @@ class GroupWriter:
         self._writer = StreamWriter(self._file, header, index=False)
 
     def add(self, encoded: EncodedFrame, seconds: float, digest: str) -> None:
-        """Add a frame that took so many seconds, and the digest of its source.
+        """Add a frame, the seconds that it took, and the digest of its source.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """Processes of one machine as a `concurrent.futures.Executor` that outlives the death of any of them.
 
 A process is spawned, not forked: the caller has threads, whose locks a fork would copy as they stand, and files that no
-other process should hold open. It takes one call after the other from a pipe of its own, which a thread of the caller
+other process should hold open. It takes one call after the other from its own pipe, which a thread of the caller
 waits for. So a process that is killed takes one call with it, and the next call gets another process.
 
 This module imports little, so that a command may start its processes first of all, and load what it needs itself while
@@ -67,7 +67,7 @@ class Processes(Executor):
             self._free.put(worker)
 
     def start(self, count: int) -> None:
-        """Start up to `count` processes now, where calls for as many are to come; they take half a second.
+        """Start up to `count` processes now, before calls for them come; each takes half a second.
 
         Without this each is started by the first call that it gets.
         """
@@ -110,7 +110,7 @@ class _Worker:
 
     def __init__(self, preload: str | None) -> None:
         self._preload = preload
-        self._changing = threading.Lock()  # held while a process is started or killed
+        self._changing = threading.Lock()  # locked while a process is started or killed
         self._process: Any = None
         self._connection: Connection[Any, Any] | None = None
         self._killed = False
@@ -216,7 +216,7 @@ def _serve(connection: "Connection[Any, Any]", preload: str | None) -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process, whatever it does, when the one that started it has ended."""
+    """End this process at once when the one that started it has ended."""
     import multiprocessing
 
     parent = multiprocessing.parent_process()

@@ -1,7 +1,7 @@
 """Groups of pictures that are done are kept in a folder, so that an encode that was killed can be gone on with.
 
 A folder belongs to one encode: `ABOUT` in it says which source, settings and code it is of, and any other is refused.
-Each group is a file of its own, by the number of its first frame, which has its name only when it is complete and on
+Each group has a file, named by the number of its first frame, which has its name only when it is complete and on
 the disk. What is in a file is believed only if the source of each of its frames has the same digest now.
 """
 
@@ -234,7 +234,7 @@ class GroupInWork:
         return True
 
     def take(self, frame: Frame) -> tuple[EncodedFrame, float] | None:
-        """Take the next frame of the source: how it was encoded, in so many seconds; None if it is to be encoded.
+        """Take the next frame of the source: how it was encoded, in which time; None if it is to be encoded.
 
         Raises
         ------

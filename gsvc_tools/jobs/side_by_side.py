@@ -1,6 +1,6 @@
 """Groups of pictures side by side, in tasks for any `concurrent.futures.Executor`.
 
-The thread of the caller reads frames and hands them over (`SideBySide.put`). A thread of ours gives out runs, and
+The thread of the caller reads frames and hands them over (`SideBySide.put`). A thread of ours gives out segments, and
 writes what comes back in order, so that frames are written while the caller waits for a slow source. The two send each
 other messages, and neither touches what the other has.
 """
@@ -21,34 +21,34 @@ from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.loop import GroupCoder, described
 from gsvc_ref.encoder.recording import Recording
 from gsvc_ref.encoder.setup import EncodeSetup
-from gsvc_tools.jobs.groups import EncodedRun, Group, encode_run
+from gsvc_tools.jobs.groups import EncodedSegment, Group, encode_segment
 from gsvc_tools.jobs.processes import Processes
 from gsvc_tools.jobs.resume import Keeper
 
 GROUPS_AHEAD: Final = 2
-"""For each job so many groups, and one more, may have been read and not yet written."""
+"""Groups that may have been read and not yet written, for each job; one more is allowed in all."""
 
 BYTES_AHEAD: Final = 1 << 28
-"""For each job so many bytes of frames may have been read and not yet written, 43 frames of 1920x1080. Long groups of
+"""Bytes of frames that may have been read and not yet written, for each job: 43 frames of 1920x1080. Long groups of
 large frames are therefore read, and begun, only as those before them are done."""
 
 RUN_TRIES: Final = 2
-"""A run is given out so many times where the process that has it ends before it does."""
+"""The most times that a segment is given out, if processes end before they are done with it."""
 
 
 class DeadWorkerError(ChildProcessError):
-    """The processes that a run was given to ended before it was done."""
+    """The processes that a segment was given to ended before it was done."""
 
 
 class _Written(NamedTuple):
-    """The message that frames of so many bytes in the source are written, and so many groups done."""
+    """Frames are written: their bytes in the source, and the number of groups that are done."""
 
     size: int
     groups: int
 
 
 class _Encoded(NamedTuple):
-    """The message that a run is done, or a frame was `kept`: its frames, the groups in work, the last frame's PSNR."""
+    """A segment is done, or a frame was `kept`: its frames, the groups in work, the last frame's PSNR."""
 
     frames: int
     groups: int
@@ -57,7 +57,7 @@ class _Encoded(NamedTuple):
 
 
 class _Word(Enum):
-    """Messages that say no more than that: no frame follows; write what is done; no message follows."""
+    """Messages without contents: no frame follows; write what is done; no message follows."""
 
     END = "end"
     STOP = "stop"
@@ -74,20 +74,20 @@ class SideBySide:
     jobs
         The number of tasks that are given out at the same time.
     executor
-        Takes the tasks; None: as many processes of this machine.
+        Takes the tasks; None: `jobs` processes of this machine.
     on_first
         Called when the first frame is encoded, with a coder that knows what was decided.
     on_frame
         Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours.
     keeper
         Keeps the groups that are done, and has those of an encode before; None: nothing is kept.
-    run_s
-        Seconds that a task is meant to take; None: RUN_S.
+    segment_s
+        Seconds that a task is meant to take; None: SEGMENT_S.
     longest_first
-        Give out runs of the group of which most is left first, so that no long one is begun last; False: those of
+        Give out segments of the group of which most is left first, so that no long one is begun last; False: those of
         earlier groups, which can then be written soonest, unless a later one would end last.
     on_progress
-        Called with the number of frames encoded, in whatever order, the number of groups in work, and the PSNR of the
+        Called with the number of frames encoded, in any order, the number of groups in work, and the PSNR of the
         last one, in the thread that puts frames.
 
     Attributes
@@ -108,7 +108,7 @@ class SideBySide:
         on_progress: Callable[[int, int, float], None],
         keeper: Keeper | None = None,
         *,
-        run_s: float | None = None,
+        segment_s: float | None = None,
         longest_first: bool = False,
     ) -> None:
         self._ours: Processes | None = None
@@ -118,7 +118,7 @@ class SideBySide:
         self._outbox: SimpleQueue[_Written | _Encoded | BaseException | _Word] = SimpleQueue()
         self._on_progress = on_progress
         self._leader = _Leader(
-            coder, jobs, executor, on_first, on_frame, self._inbox, self._outbox, keeper, run_s, longest_first
+            coder, jobs, executor, on_first, on_frame, self._inbox, self._outbox, keeper, segment_s, longest_first
         )
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
         self._groups = self._bytes = self._encoded = self.kept = 0
@@ -184,12 +184,12 @@ class SideBySide:
 
 
 class _Leader:
-    """What the thread does that hands out runs and writes frames.
+    """What the thread does that hands out segments and writes frames.
 
     Attributes
     ----------
     is_stopped
-        Set by the other thread: no more runs are to be given out.
+        Set by the other thread: no more segments are to be given out.
     """
 
     def __init__(
@@ -202,20 +202,20 @@ class _Leader:
         inbox: "SimpleQueue[TypedFrame[Frame] | Group | _Word]",
         outbox: "SimpleQueue[_Written | _Encoded | BaseException | _Word]",
         keeper: Keeper | None,
-        run_s: float | None,
+        segment_s: float | None,
         longest_first: bool,
     ) -> None:
         self._jobs, self._executor = jobs, executor
         self._on_first, self._on_frame = on_first, on_frame
         self._inbox, self._outbox = inbox, outbox
-        self._keeper, self._run_s, self._longest_first = keeper, run_s, longest_first
+        self._keeper, self._segment_s, self._longest_first = keeper, segment_s, longest_first
         self._first = coder
         self._later = None if coder.decides_first else coder.for_group()  # never used itself: each group has its own
         self._groups: deque[Group] = deque()  # in order, those of which something is left to be done
         self._is_begun = self._has_first = self._is_whole = self.is_stopped = False
 
     def lead(self) -> None:
-        """Hand out runs and write frames until all is done, or something could not be done, or it is stopped."""
+        """Hand out segments and write frames until all is done, or something could not be done, or it is stopped."""
         try:
             while not self.is_stopped and not (self._is_whole and not self._groups):
                 self._take(self._inbox.get())
@@ -231,7 +231,7 @@ class _Leader:
             self._outbox.put(_Word.OVER)
 
     def _take(self, message: "TypedFrame[Frame] | Group | _Word") -> None:
-        """Take a frame, the end of all frames, or a group whose run has ended."""
+        """Take a frame, the end of all frames, or a group whose segment has ended."""
         if isinstance(message, Group):
             self._collect(message)
         elif isinstance(message, TypedFrame):
@@ -252,7 +252,7 @@ class _Leader:
             self._has_first = True
             self._decide(self._first.for_group())
         later = None if self._later is None else self._later.for_group()
-        self._groups.append(Group(later if self._is_begun else self._first, resumed, self._run_s))
+        self._groups.append(Group(later if self._is_begun else self._first, resumed, self._segment_s))
         self._is_begun = True
         if isinstance(self._executor, Processes):
             self._executor.start(min(len(self._groups), self._jobs))
@@ -263,7 +263,7 @@ class _Leader:
             self._groups[-1].end(is_last=is_last)
 
     def _hand_out(self) -> None:
-        """Give out runs, those of longer groups first, or as `in_turn` says."""
+        """Give out segments, those of longer groups first, or as `in_turn` says."""
         by_length = self._longest_first
         groups = sorted(self._groups, key=lambda one: -one.left) if by_length else in_turn(self._groups, self._jobs)
         for group in groups:
@@ -272,26 +272,26 @@ class _Leader:
             if group.coder is not None and group.may_go_on:
                 group.tries += 1
                 try:
-                    group.task = self._executor.submit(encode_run, group.coder, group.take_run())
+                    group.task = self._executor.submit(encode_segment, group.coder, group.take_segment())
                 except Exception as error:  # it is broken, or was shut down
                     group.fault = _dead_worker() if isinstance(error, BrokenExecutor) else error
                 else:
                     group.task.add_done_callback(partial(self._tell, group))
 
-    def _tell(self, group: Group, task: "Future[EncodedRun]") -> None:
-        """Send ourselves the message that the run of a group has ended; any thread may call this."""
+    def _tell(self, group: Group, task: "Future[EncodedSegment]") -> None:
+        """Send ourselves the message that the segment of a group has ended; any thread may call this."""
         self._inbox.put(group)
 
     def _at_work(self) -> int:
-        """The number of groups that have a run in work."""
+        """The number of groups that have a segment in work."""
         return sum(group.task is not None for group in self._groups)
 
     def _collect(self, group: Group) -> None:
-        """Take what a run became."""
+        """Take what a segment became."""
         task, group.task = group.task, None
         assert task is not None
         try:
-            run = task.result()
+            segment = task.result()
         except BrokenExecutor:
             if group.tries == RUN_TRIES:
                 group.fault = _dead_worker()
@@ -299,12 +299,12 @@ class _Leader:
         except Exception as error:
             group.fault = error
             return
-        if run.frames and not self._has_first:
+        if segment.frames and not self._has_first:
             self._has_first = True
-            self._decide(run.coder.for_group())
-        group.keep(run)
-        if run.frames:
-            self._outbox.put(_Encoded(len(run.frames), self._at_work(), run.frames[-1][0].psnr))
+            self._decide(segment.coder.for_group())
+        group.keep(segment)
+        if segment.frames:
+            self._outbox.put(_Encoded(len(segment.frames), self._at_work(), segment.frames[-1][0].psnr))
 
     def _decide(self, coder: GroupCoder) -> None:
         """Let all groups have what the first frame has decided."""
@@ -345,10 +345,10 @@ def encode_side_by_side(
         setup.progress.kept = side.kept
         setup.progress.show("groups", frames - 1, groups, jobs, psnr)
 
-    run_s: float | None = getattr(executor, "run_s", None)  # a cluster says how long tasks are best
+    segment_s: float | None = getattr(executor, "segment_s", None)  # a cluster says how long tasks are best
     side = SideBySide(
         setup.coder, jobs, executor, on_first, on_frame, on_progress, keeper,
-        run_s=run_s, longest_first=run_s is not None,
+        segment_s=segment_s, longest_first=segment_s is not None,
     )  # fmt: skip
     try:
         with side:

@@ -16,9 +16,9 @@ from gsvc_base.portable import log2, power, total
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.loop import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import coder_of
 from gsvc_ref.main.tables import QUANTIZERS
@@ -114,7 +114,7 @@ class BudgetCoder:
         return bool(self._coder.decides_first)
 
     def decided(self) -> tuple[int, ...]:
-        """What that is, behind the first frame of the stream."""
+        """What the first frame has decided, once it is encoded."""
         return tuple(self._coder.decided())
 
     def decide(self, decided: tuple[int, ...]) -> None:
@@ -208,7 +208,7 @@ class BudgetCoder:
         slope: float,
         tries: int,
     ) -> tuple[EncodedFrame, float, float]:
-        """The frame of those tried with the nearest number of bits, these, and its value; the coder is behind it.
+        """The frame of those tried with the nearest number of bits, these, and its value; the coder goes on from it.
 
         Parameters
         ----------

@@ -38,13 +38,13 @@ LIMITS: Final = {"intra": (0.7, 1.4), "inter": (0.7, 2.5), "error": (0.4, 2.0)}
 """Slopes that two measurements may give; beyond them it was chance that was measured."""
 
 APART: Final = 0.25
-"""Two measurements give slopes where so many octaves of N lie between them."""
+"""The least octaves of N between two measurements that give slopes."""
 
 ENOUGH_BITS: Final = 400
-"""Two measurements of P-frames give a slope where each has so many bits."""
+"""The least bits of each of two measurements of P-frames that give a slope."""
 
 SPREAD: Final = 1.5
-"""No group gets more than so many octaves of N more, or fewer, than all would get with one N for all."""
+"""The most octaves of N by which a group differs from the N that all would have in common."""
 
 GRID: Final = 1 / 16
 """Octaves between the values of N that equal slope is looked for among."""
@@ -138,7 +138,7 @@ class GroupCurve:
 
 
 def equal_slope(curves: Sequence[GroupCurve], bits: float, low: float, high: float) -> list[float]:
-    """log2 N of each group, so that all together have as many bits and the least error.
+    """log2 N of each group, so that all together have these bits and the least error.
 
     Parameters
     ----------
@@ -177,7 +177,7 @@ def equal_slope(curves: Sequence[GroupCurve], bits: float, low: float, high: flo
 
 
 def same_for_all(curves: Sequence[GroupCurve], bits: float, low: float, high: float) -> float:
-    """The log2 N, from low to high, with which all groups together have as many bits, or the nearest."""
+    """The log2 N, from low to high, with which all groups together have these bits, or the nearest."""
 
     def taken(octave: float) -> float:
         return total([float(curve.bits(np.array([octave]))[0]) for curve in curves])

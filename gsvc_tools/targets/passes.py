@@ -112,7 +112,7 @@ def splats_of(octave: float) -> int:
 
 @contextmanager
 def temporary_files() -> Iterator[Callable[[], IO[bytes]]]:
-    """What opens temporary files, which are closed and gone behind the block."""
+    """What opens temporary files, which are closed and removed at the end of the block."""
     files: list[IO[bytes]] = []
 
     def new() -> IO[bytes]:

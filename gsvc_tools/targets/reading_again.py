@@ -55,7 +55,7 @@ def readable_again(source: Source, frame_rate: FrameRate | None) -> Iterator[Cal
 
 
 class _Reopened(PassingReader):
-    """A source that is opened now, and closed with this reader or behind its last frame."""
+    """A source that is opened now, and closed with this reader or after its last frame."""
 
     def __init__(self, source: Source, frame_rate: FrameRate | None) -> None:
         super().__init__()
@@ -87,7 +87,7 @@ class _Kept:
         self._size = video.width * video.height * 3 * video.dtype.itemsize
 
     def frame(self, number: int) -> tuple[Frame, tuple[Fraction | None, Fraction | None]] | None:
-        """A frame with its `frame_time` and `end_time`, or None behind the last; from the source if it is new."""
+        """A frame with its `frame_time` and `end_time`, or None after the last; from the source if it is new."""
         if number < len(self._times):
             video = self.reader.format
             self._file.seek(number * self._size)

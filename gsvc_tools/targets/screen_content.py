@@ -1,4 +1,4 @@
-"""Text and screen content: how it is told by the picture, and what is to be expected of it.
+"""Text and screen content: how a picture shows it, and the quality to expect.
 
 A splat is smooth and a letter is not, so that text takes several times the splats of a photograph. Pictures of screens
 have areas of one colour, and edges that rise from one pixel to the next.
@@ -20,18 +20,18 @@ SOFT_STEP: Final = 16 / 255
 """...and an edge of any kind is one of this."""
 
 LEAST_FLAT: Final = 0.4
-"""Screen content has so many pairs of equal neighbours in a row..."""
+"""Screen content has at least this fraction of equal pairs of neighbours in a row..."""
 
 LEAST_SHARP: Final = 0.005
-"""...so many sharp edges among all pairs of neighbours..."""
+"""...this fraction of sharp edges among all pairs of neighbours..."""
 
 LEAST_SHARP_SHARE: Final = 0.4
-"""...and so many sharp ones among its edges. Of 24 pages, terminals, slides and windows drawn with Pillow's font,
-176x144 to 640x360, all are found; the scanned and the photographed page of scikit-image are not. Of 20 scenes and 20
-other pictures of scikit-image two are found, which are drawings in black and white."""
+"""...and this fraction of sharp ones among its edges. Of 24 pages, terminals, slides and windows drawn with Pillow's
+font, 176x144 to 640x360, all are found; the scanned and the photographed page of scikit-image are not. Of 20 scenes and
+20 other pictures of scikit-image two are found, which are drawings in black and white."""
 
 GOOD: Final = 35.0
-"""PSNR in dB for which a number of splats is told."""
+"""The PSNR in dB for which a number of splats is recommended."""
 
 SPLATS_OF_EDGE: Final = 0.56
 """Splats for each pixel of a sharp edge that GOOD takes; 0.38 to 0.69 for 13 such pictures of 176x144 and 352x288."""
@@ -89,7 +89,7 @@ class Sharpness:
         return max(1, round(SPLATS_OF_EDGE * self.edge_pixels))
 
     def expected_psnr(self, splats: int) -> float:
-        """The PSNR in dB of such a frame with so many splats, about."""
+        """The PSNR in dB of such a frame with a number of splats, about."""
         return GOOD + SCREEN_DB_PER_DOUBLING * float(log2(splats / self.good_splats))
 
 

@@ -44,7 +44,7 @@ LATER_BITS: Final = 7.0
 """...those of a P-frame, about, for the first guess of N: of the scenes ``pan`` and ``water``, 128x96, 640 splats."""
 
 FIRST_LOWER: Final = 0.5
-"""The first pass has so many octaves of splats less than the guess, since it is the cheaper."""
+"""Octaves of splats by which the first pass stays below the guess, since it is then cheaper."""
 
 SAMPLED: Final = 3
 """The frames of each group that are encoded again with another number of splats."""
@@ -189,7 +189,7 @@ def _curves(frames: list[FrameReport], octave: float) -> list[GroupCurve]:
 
 
 def _with_slopes(passes: Passes, curves: list[GroupCurve], bits: float) -> list[GroupCurve]:
-    """The curves with slopes by the first frames of each group, encoded again with about as many splats as it needs."""
+    """The curves with slopes by the first frames of each group, encoded again with about the splats that it needs."""
     octave = curves[0].octave
     planned = equal_slope(curves, max(bits, 0.0), passes.low, passes.high)
     away = total(planned) / len(planned) - octave

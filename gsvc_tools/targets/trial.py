@@ -1,6 +1,6 @@
 """What an encode would take, by some frames of it: a trial.
 
-At up to three places of the clip a frame is encoded as an I-frame, and those behind it as P-frames. Size and quality of
+At up to three places of the clip a frame is encoded as an I-frame, and those after it as P-frames. Size and quality of
 the whole follow from these, and a range, which is wider where the places differ.
 """
 
@@ -20,11 +20,11 @@ from gsvc_base.arrays import Frame
 from gsvc_base.portable import log2, power
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import level_for
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import coder_of, frame_count_of, no_frames
-from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 from gsvc_tools.targets.budget import header_so_far
@@ -40,7 +40,7 @@ TRIED_FRAMES: Final = 5
 """The frames of a place, the first of them an I-frame."""
 
 BUDGET_S: Final = 8.0
-"""No place is begun, and no P-frame but the first, after so many seconds; reading has as many."""
+"""Seconds after which no place is begun, and no P-frame but the first; reading has the same time."""
 
 FIXED_BYTES: Final = 420
 """Header, index, end chunk, and the log of what was decided, and..."""
@@ -50,7 +50,7 @@ LOG_BYTES: Final = 10
 
 SIZE_RANGE: Final = 1.6
 """The size is likely to be the estimate divided by this, to multiplied by it, and more where places differ: a guess, as
-are the other ranges. docs/encode-and-look.md tells on how many of nine encodes they held."""
+are the other ranges. docs/encode-and-look.md says how many of nine encodes were within them."""
 
 TIME_RANGE: Final = 1.5
 """The same of the time, a guess as well."""
@@ -228,7 +228,7 @@ class _Written:
 
     def bits(self, coder: GroupCoder, made: EncodedFrame) -> float:
         """The bits of the next frame with its layers."""
-        if self._writer is None:  # what the header says of a coder is known behind its first frame
+        if self._writer is None:  # what the header says of a coder is known after its first frame
             self._writer = StreamWriter(BytesIO(), header_so_far(coder, self._video), index=False)
         begin = self._writer.offset
         self._writer.write_frame(made.codes, made.state)

@@ -27,8 +27,7 @@ from gsvc_conformance.report.pictures import view_of
 from gsvc_conformance.runner import judge_vector
 from gsvc_conformance.vector import Vector, files_of, from_files
 from gsvc_ref import Settings, Splats
-from gsvc_ref.encoder import encoder as encoding
-from gsvc_ref.encoder import frame as frames_encoding
+from gsvc_ref.encoder import paper, setup
 from gsvc_ref.metrics import psnr as fast_psnr
 
 Inputs = dict[str, Any]
@@ -89,8 +88,8 @@ def padded(frames: Any) -> Any:
 
 def open_loop(**inputs: Any) -> Values:
     """It predicts from splats that are not quantised, which no decoder has."""
-    work, encoder = frames_encoding._FrameWork, frames_encoding.FrameEncoder
-    quantize, encode = work._quantize, encoder.encode
+    work, encoder = paper._PaperFrame, paper.FrameEncoder
+    quantize, encode = work._fine_tuned, encoder.encode
 
     def kept(self: Any, population: Any, *rest: Any) -> Any:
         self.encoder.unquantized = population.parameters().copy()
@@ -102,13 +101,13 @@ def open_loop(**inputs: Any) -> Values:
             self.state = replace(result.state, splats=Splats.from_array(self.unquantized))
         return result
 
-    with patch.object(work, "_quantize", kept), patch.object(encoder, "encode", forgetful):
+    with patch.object(work, "_fine_tuned", kept), patch.object(encoder, "encode", forgetful):
         return plain(**inputs)
 
 
 def from_the_i_frame(**inputs: Any) -> Values:
     """It predicts each P-frame from the I-frame in place of the frame before."""
-    encoder = frames_encoding.FrameEncoder
+    encoder = paper.FrameEncoder
     encode = encoder.encode
 
     def stuck(self: Any, frame: Any, frame_type: str, *rest: Any) -> Any:
@@ -123,7 +122,7 @@ def from_the_i_frame(**inputs: Any) -> Values:
 
 
 def of_a_high_level(**inputs: Any) -> Values:
-    with patch.object(encoding, "level_for", lambda *args, **options: 2):
+    with patch.object(setup, "level_for", lambda *args, **options: 2):
         return plain(**{**inputs, "level": 2})
 
 

@@ -84,7 +84,7 @@ PRESETS = {
     "main, PSNR": lambda: fast(psnr=50, key_frames=2),
     "main, quality": lambda: fast(quality=60),
     "quick": lambda: paper_fast(effects="auto,frames=all"),
-    "detected": lambda: paper_quick(iterations=3, threads=1, effects="auto,frames=all"),  # with a choice of quantisers
+    "detected": lambda: paper_quick(iterations=3, threads=1, effects="auto,frames=all"),
     "paper": lambda: Settings.paper(iterations=4, threads=1, key_frames=2),
 }
 
@@ -116,11 +116,3 @@ def test_one_frame_alone_makes_the_round_trip(kind, settings):
     report, data = encoded(clip, settings)
     assert [frame.type for frame in report.frames] == ["I"]
     assert len(list(decode(data, threads=1))) == 1
-
-
-def test_a_black_first_frame_leaves_the_quantisers_as_they_are():
-    """It has no error with any quantiser, and would take the smallest for whatever follows."""
-    zero = np.zeros((12, 16, 3), np.uint8)
-    settings = paper_quick(iterations=3, threads=1, key_frames=())
-    report, _ = encoded([zero, zero + 200], settings)
-    assert report.settings.intra.quantizer == settings.intra.quantizer

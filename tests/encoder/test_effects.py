@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Effects, Settings, pretraining
-from gsvc_ref.encoder.blocks import BLOCK, block_errors, block_pixels
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.frame_settings import DetectionSettings
 from gsvc_ref.encoder.frame_types import typed_frames
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.pretraining import Pretraining
-from gsvc_ref.stream import Stream, decode
+from gsvc_ref.stream import Stream
 
 RNG = np.random.default_rng(5)
 TEXTURE = RNG.integers(40, 210, (48, 64, 3), np.uint8)
@@ -84,31 +83,21 @@ def test_every_frame_has_a_decision_on_every_effect():
                     assert not one.done
 
 
-def test_a_frame_that_shows_nothing_new_is_repeated():
-    """A pixel that changes by one does not matter to what a few splats can show."""
+def test_what_changes_too_little_to_be_seen_stays_as_it_is():
+    """Far from a corner that changes, splats survive with the same parameters, to the bit."""
     clip = waves(64, 48, 1) * 2
     clip[1] = clip[1].copy()
-    clip[1][5, 5] ^= 1
-    settings = paper_fast(splats=150, iterations=60)
-    report, data = encoded(clip, settings)
-    assert [frame.type for frame in report.frames] == ["I", "R"]
-    assert report.frames[1].iterations == 0
-    assert made(report, 1)["frames"].reason == "all splats are static, so the frame before is repeated"
-    assert made(report, 1)["frames"].saved == settings.inter.fit.iterations + settings.inter.tune.iterations
-    first, second = decode(data, threads=1)
-    assert np.array_equal(first, second)
-    assert report.frames[0].psnr > 25
-    everything, _ = encoded(clip, replace(settings, effects=Effects.parse("all")))
-    assert [frame.type for frame in everything.frames] == ["I", "P"]
-
-
-def test_a_frame_left_in_a_poor_state_is_never_good_enough():
-    """A random texture, of which some splats show next to nothing."""
-    clip = [TEXTURE, TEXTURE.copy()]
-    clip[1][5, 5] ^= 1
-    report, _ = encoded(clip, paper_fast(splats=20))
-    assert report.frames[0].psnr < 20
-    assert [frame.type for frame in report.frames] == ["I", "P"]
+    clip[1][4:12, 4:12] = (250, 30, 30)
+    for effects, still in (("auto", True), ("auto,regions=all", False)):
+        report, data = encoded(clip, paper_quick(splats=100, key_frames=(0,), threads=1, effects=effects))
+        assert made(report, 1)["regions"].done != still
+        first, second = Stream(data)
+        before, after = first.splats.to_array(), second.splats.to_array()
+        kept = {int(origin): n for n, origin in enumerate(second.codes.origins) if origin >= 0}
+        far = [n for n in np.flatnonzero((before[:, 0] > 32) & (before[:, 1] > 24)).tolist() if n in kept]
+        same = [np.array_equal(after[kept[n]], before[n]) for n in far]
+        assert len(same) > 10
+        assert np.mean(same) > 0.5 if still else np.mean(same) < 0.2
 
 
 def test_slow_changes_add_up_until_they_count():
@@ -121,16 +110,14 @@ def test_slow_changes_add_up_until_they_count():
     assert "P" in [frame.type for frame in report.frames[1:]]
 
 
-def test_noise_alone_calls_for_no_splats_no_motion_and_few_iterations():
-    clip = [np.clip(waves(64, 48, 1)[0] + np.rint(RNG.normal(0, 6, (48, 64, 3))), 0, 255).astype(np.uint8)] * 1
-    clip += [np.clip(waves(64, 48, 1)[0] + np.rint(RNG.normal(0, 6, (48, 64, 3))), 0, 255).astype(np.uint8)]
+def test_noise_alone_calls_for_no_splats():
+    clip = [
+        np.clip(waves(64, 48, 1)[0] + np.rint(RNG.normal(0, 6, (48, 64, 3))), 0, 255).astype(np.uint8) for _ in range(2)
+    ]
     settings = paper_fast(splats=40, iterations=60)
     report, _ = encoded(clip, settings)
-    decided = made(report, 1)
-    assert not decided["gsa"].done
+    assert not made(report, 1)["gsa"].done
     assert report.frames[1].new_splats == 0
-    assert decided["frames"].saved > 0
-    assert report.frames[1].iterations < settings.inter.fit.iterations + settings.inter.tune.iterations
     everything, _ = encoded(clip, replace(settings, effects=Effects.parse("all")))
     assert made(everything, 1)["gsa"].done
 
@@ -139,7 +126,7 @@ def test_splats_are_added_where_something_appears():
     clip = [waves(64, 48, 1)[0], waves(64, 48, 1)[0]]
     clip[1][10:26, 30:46] = (250, 20, 30)
     report, data = encoded(clip, paper_fast(splats=200, iterations=40))
-    assert made(report, 1)["gsa"].reason.endswith("% of the picture is predicted worse than the frame before was left")
+    assert made(report, 1)["gsa"].reason.endswith("dB less than the frame before has")
     frame = list(Stream(data))[1]
     new = frame.splats.positions[frame.codes.origins < 0]
     assert len(new)
@@ -150,7 +137,7 @@ def test_gsa_off_adds_none_and_gsp_off_removes_none():
     clip = waves(40, 30, 3, speed=4)
     without, _ = encoded(clip, paper_fast(splats=60, effects="all,gsa=off"))
     assert [frame.new_splats for frame in without.frames[1:]] == [0, 0]
-    assert [frame.splats for frame in without.frames] == [54, 54, 54]  # GSP takes a tenth of the I-frame alone
+    assert [frame.splats for frame in without.frames] == [60, 60, 60]
     kept, _ = encoded(clip, paper_fast(splats=60, effects="all,gsp=off"))
     assert [frame.pruned_splats for frame in kept.frames] == [0, 0, 0]
     assert [frame.splats for frame in kept.frames] == [60, 60, 60]
@@ -159,7 +146,7 @@ def test_gsa_off_adds_none_and_gsp_off_removes_none():
 
 def test_all_prunes_as_many_as_it_adds():
     report, _ = encoded(waves(40, 30, 3, speed=4), paper_fast(splats=100, effects="all", iterations=40))
-    assert [frame.splats for frame in report.frames] == [90, 90, 90]
+    assert [frame.splats for frame in report.frames] == [100, 100, 100]
     assert [frame.new_splats + frame.pruned_splats > 0 for frame in report.frames[1:]] == [True, True]
 
 
@@ -223,16 +210,3 @@ def test_decisions_do_not_depend_on_the_threads():
         for x, y in zip(one.frames, three.frames, strict=True)
         for a, b in zip(x.decisions, y.decisions, strict=True)
     )
-
-
-@given(st.integers(1, 40), st.integers(1, 40), st.integers(0, 99))
-def test_block_errors_add_up_and_cover_the_picture(height, width, seed):
-    residual = np.random.default_rng(seed).normal(0, 1, (height, width, 3)).astype(np.float32)
-    errors = block_errors(residual)
-    assert errors.shape == (-(-height // BLOCK), -(-width // BLOCK))
-    np.testing.assert_allclose(errors.sum(), np.square(residual, dtype=np.float64).sum(), rtol=1e-9)
-    last = np.zeros(errors.shape, bool)
-    last[-1, -1] = True
-    rows, columns = np.nonzero(block_pixels(last, height, width))
-    assert (rows.min(), columns.min()) == ((height - 1) // BLOCK * BLOCK, (width - 1) // BLOCK * BLOCK)
-    assert (rows.max(), columns.max()) == (height - 1, width - 1)

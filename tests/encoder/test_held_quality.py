@@ -10,24 +10,17 @@ from codec_cases import encoded, paper_quick, waves
 
 from gsvc_lab.scenes import Scene, frames
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.frame import LONGER, longer
 from gsvc_ref.encoder.held_quality import (
     ENOUGH,
     I_TRIES,
     MOST_TRIES,
-    NEAR_GOAL,
-    ROUNDS,
     coarser,
     fewest_splats,
-    held,
     is_missed,
     most_spared,
 )
-from gsvc_ref.encoder.thinning import thinned
 from gsvc_ref.metrics import psnr
-from gsvc_ref.paper import FrameCodes, Quantizer, SplatBlock, State, reconstruct
 from gsvc_ref.stream import decode
-from gsvc_ref.training import FitSettings
 
 
 class Made(NamedTuple):
@@ -88,32 +81,6 @@ def test_as_many_splats_are_spared_as_the_goal_allows(spare):
     assert len(asked) <= 6
 
 
-def test_splats_change_until_the_coded_frame_is_near_the_goal():
-    """Quantisation takes 1.5 dB, of which nobody knew: the second round aims higher by that."""
-    aims = []
-
-    def change(aim):
-        aims.append(aim)
-        return 12
-
-    frame, margin = held(change, lambda: (Made(aims[-1] - 1.5, len(aims)), 1.5), 30.0, 0.5)
-    assert aims == [30.5, 31.5]
-    assert (frame, margin) == (Made(30.0, 2), 1.5)
-
-
-def test_of_rounds_in_vain_the_best_is_kept():
-    results = iter([29.0, 29.6, 29.3, *[29.1] * ROUNDS])
-    frame, _ = held(lambda _: 1, lambda: (Made(next(results), 0), 2.0), 30.0, 0.5)
-    assert frame.psnr == 29.6
-
-
-def test_a_round_that_changes_nothing_is_the_last():
-    done = iter([12, 12, 0])
-    results = iter([30.0 + 2 * NEAR_GOAL, 30.0 + 3 * NEAR_GOAL])
-    frame, _ = held(lambda _: next(done), lambda: (Made(next(results), 0), 1.0), 30.0, 0.5)
-    assert frame.psnr == 30.0 + 2 * NEAR_GOAL
-
-
 @pytest.mark.parametrize("most", [1.3, 3.0, 20.0])
 def test_changes_become_fewer_until_the_goal_is_near(most):
     make, _ = counting(lambda scale: 30 + 0.4 * np.log2(most / scale))
@@ -129,37 +96,6 @@ def test_an_i_frame_takes_the_place_of_a_p_frame_only_where_i_frames_are_better(
     assert not is_missed(30.0, 30, 30.05)
     assert not is_missed(27.5, 30, 28)
     assert is_missed(26.5, 30, 28)
-
-
-def block(count, rng, stages=2, *, own=True) -> SplatBlock:
-    return SplatBlock(
-        positions=rng.integers(0x2C00, 0x3800, (count, 2)).astype(np.uint16),
-        cholesky=rng.integers(1, 64, (count, 3)).astype(np.uint16),
-        colors=rng.integers(0, 4, (count, stages)).astype(np.uint16),
-        quantizer=Quantizer(np.full(3, 0.1, np.float32), np.full(3, 0.5, np.float32)) if own else None,
-        codebooks=tuple(rng.random((4, 3)).astype(np.float16) for _ in range(stages)) if own else None,
-    )
-
-
-def test_a_frame_without_some_splats_has_the_others_bit_for_bit():
-    rng = np.random.default_rng(0)
-    empty = State.initial(64, 48)
-    first = FrameCodes.intra_frame(block(9, rng))
-    before = reconstruct(first, empty)
-    survivors = np.array([True, True, False, True, False, True, True, False, True])
-    second = FrameCodes.predicted_frame(survivors, block(6, rng), block(3, rng, own=False))
-    for codes, state in ((first, empty), (second, before)):
-        whole = reconstruct(codes, state).splats.to_array()
-        for kept in (rng.random(9) < 0.6, np.arange(9) < 6, np.arange(9) >= 6, np.zeros(9, bool)):
-            fewer = reconstruct(thinned(codes, kept), state).splats.to_array()
-            assert np.array_equal(fewer, whole[kept])
-
-
-def test_a_fit_of_fewer_gains_is_longer_only_by_lbfgs():
-    fit = Settings.quick(profile="paper").inter.fit
-    assert longer(fit).iterations == round(LONGER * fit.iterations)
-    assert longer(fit).least_gain == fit.least_gain / 2
-    assert longer(FitSettings()) == FitSettings()
 
 
 @pytest.fixture(scope="module")

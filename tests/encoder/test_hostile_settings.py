@@ -128,13 +128,14 @@ def test_values_at_their_ends_encode():
         assert report.file_bytes == len(data)
 
 
-def test_the_rate_stage_tells_its_progress():
+def test_the_search_for_splats_tells_its_progress():
     seen = []
     encoded(waves(24, 16, 2), paper_fast(psnr=22.0, splats=60), progress=seen.append)
-    rate = [told for told in seen if told.stage == "rate"]
-    assert rate
-    assert all(1 <= told.iteration <= told.iterations for told in rate)
-    assert all(told.psnr is not None and told.psnr > 0 for told in rate)
+    for stage in ("fit", "quantize"):
+        some = [told for told in seen if told.stage == stage]
+        assert any(told.frame == 0 and told.iteration == 1 for told in some)
+        assert all(0 <= told.iteration <= told.iterations for told in some)
+        assert all(told.psnr is not None and told.psnr > 0 for told in some)
 
 
 def test_iterations_leave_the_search_for_key_frames_as_it_is():

@@ -22,14 +22,10 @@ def test_the_papers_settings_are_the_papers():
         assert kind.fit.convergence.patience == 100
         assert kind.fit.convergence.tolerance == 1e-7
         assert kind.fit.pruning.fraction == 0.1
-        assert kind.fit.growth is None
         assert kind.quantizer.cholesky_bits == 6
         assert kind.quantizer.colors.codewords == (8, 8)
-        assert kind.start == "random"
-        assert kind.candidates == ()
     assert paper.inter.new_fraction == 0.1
     assert str(paper.effects) == "all"
-    assert not paper.inter.new_from_residual
     assert (paper.detection.iterations, paper.detection.window, paper.detection.threshold) == (500, 10, 3.0)
     assert (paper.detection.splats, paper.detection.longest_side, paper.detection.rule) == (None, None, "paper")
 
@@ -181,16 +177,13 @@ def test_values_out_of_range_are_refused_by_name(wrong):
 
 
 def test_iterations_are_those_of_an_i_frame_and_scale_all_others():
-    base, changed = paper_quick(), paper_quick(iterations=25)  # a quarter
-    assert changed.intra.fit.iterations == 25
+    base, changed = paper_quick(), paper_quick(iterations=20)  # a quarter
+    assert changed.intra.fit.iterations == 20
     for kind in ("intra", "inter"):
         for part in ("fit", "tune"):
             before, after = getattr(getattr(base, kind), part), getattr(getattr(changed, kind), part)
             assert after.iterations == max(1, round(before.iterations / 4))
-            if part == "fit":
-                assert after.least_gain == 4 * before.least_gain  # fewer steps are for less quality
-                after = replace(after, least_gain=before.least_gain)
-            assert replace(after, iterations=before.iterations) == before
+            assert after == before.with_(iterations=after.iterations)
 
 
 def test_no_fit_is_left_without_iterations():
@@ -215,10 +208,9 @@ def test_settings_are_changed_as_presets_are_overridden():
 
 def test_the_quantiser_of_one_frame_type_can_be_changed():
     intra = paper_quick().intra
-    changed = intra.with_(cholesky_bits=9, color_codewords=4, start="random")
+    changed = intra.with_(cholesky_bits=9, color_codewords=4, new_fraction=0.2)
     assert changed.quantizer == intra.quantizer.with_(cholesky_bits=9, color_codewords=4)
-    assert changed == replace(intra, start="random", quantizer=changed.quantizer)
-    assert changed.candidates
+    assert changed == replace(intra, new_fraction=0.2, quantizer=changed.quantizer)
 
 
 def test_quantisers_can_be_chosen_for_all_frames():
@@ -231,15 +223,9 @@ def test_quantisers_can_be_chosen_for_all_frames():
     assert Settings.paper(color_codewords=16).inter.quantizer.colors.codewords == (16, 16)
 
 
-@pytest.mark.parametrize("override", [{"cholesky_bits": 8}, {"color_stages": 2}, {"color_codewords": 16}])
-def test_explicit_quantisers_switch_off_the_automatic_choice(override):
-    assert paper_quick().intra.candidates
-    assert not paper_quick(**override).intra.candidates
-
-
 def test_one_stream_has_one_b():
     quick = paper_quick()
-    other = replace(quick.inter, quantizer=replace(quick.inter.quantizer, cholesky_bits=9))
+    other = replace(quick.inter, quantizer=replace(quick.inter.quantizer, cholesky_bits=5))
     with pytest.raises(UsageError, match="cholesky_bits"):
         paper_quick(inter=other)
 

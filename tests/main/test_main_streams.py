@@ -1,6 +1,8 @@
 """Streams of profile `main`: written, read, and read by the code of spec.md."""
 
+import re
 from io import BytesIO
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,7 +22,17 @@ from gsvc_ref.testing import OVERVIEW_HEADER, main_streams, overview_frames, wri
 from gsvc_ref.testing.random_streams import Stream
 from tests.main.material import HEADER, both, codes_of, stream_of
 
+ROOM = Path(gsvc_ref.__file__).parent / "main"
 SMALL = {"max_frames": 4, "max_count": 20, "max_pixels": 4096}
+
+
+def test_a_kernel_that_reads_passes_has_a_plain_form_by_its_name() -> None:
+    """`read_X` in main/fast reads what `code_X` in main writes and makes; lanes.py has what both are made of."""
+    plain = {name for path in ROOM.glob("*.py") for name in re.findall(r"def code_(\w+)", path.read_text("utf-8"))}
+    passes = [path for path in (ROOM / "fast").glob("*.py") if path.name != "lanes.py"]
+    reading = {name for path in passes for name in re.findall(r"def read_(\w+)", path.read_text("utf-8"))}
+    assert len(reading) == 8
+    assert reading <= plain
 
 
 @given(main_streams(**SMALL))

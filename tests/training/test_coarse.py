@@ -4,11 +4,9 @@ import numpy as np
 import pytest
 
 from gsvc_ref.rendering import Objective
-from gsvc_ref.training import Growth, Population, fit, image_start
-from gsvc_ref.training.coarse import LEAST_SIDE, Level, Sizes, resized, step_for
+from gsvc_ref.training.coarse import LEAST_SIDE, Sizes, resized, step_for
 from gsvc_ref.training.edges import tensor_plain, tensors
 from gsvc_ref.training.reduction import block_means
-from gsvc_ref.training.settings import DescentSettings
 
 
 def some_splats(count: int = 20, seed: int = 1, side: int = 64) -> np.ndarray:
@@ -126,24 +124,3 @@ def test_the_tensor_at_a_pixel_is_that_of_the_whole_picture(shape):
     picture = np.random.default_rng(1).random((*shape, 3)).astype(np.float32)
     y, x = (index.ravel() for index in np.mgrid[: shape[0], : shape[1]])
     assert np.array_equal(tensors(picture, x, y).reshape(*shape, 3), tensor_plain(picture))
-
-
-def test_a_fit_that_gains_too_little_on_a_reduced_picture_goes_on_at_the_full_size(monkeypatch):
-    looked = []
-    evaluate = Level.evaluate
-
-    def watched(level, parameters):
-        looked.append(level.step)
-        return evaluate(level, parameters)
-
-    monkeypatch.setattr(Level, "evaluate", watched)
-    picture, rng = a_picture(128, 128), np.random.default_rng(0)
-    objective = Objective(picture, 1)
-    growth = Growth(additions=2, end=0.1)
-    settings = DescentSettings(iterations=60, pull=0.0, least_gain=0.5, growth=growth)
-    begin = image_start(picture, growth.start(12), rng)
-    population = Population(begin, 1.0, np.arange(len(begin)), settings)
-    _, made = fit(population, objective, settings, rng, total=12, sizes=Sizes(picture, 1, full=objective))
-    assert made < 0.8 * settings.iterations
-    assert looked[0] > 1
-    assert looked[-4:] == [1] * 4

@@ -8,7 +8,6 @@ from codec_cases import adan_fast, encoded, flat, paper_quick, waves
 
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.quantizer_choice import frame_bytes, with_best_quantizer
 from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.stream import Stream
@@ -37,10 +36,10 @@ def fitted(picture=PICTURES[0], count=30, iterations=15, chosen=None) -> tuple[P
     chosen = chosen or adan_fast(iterations=iterations)
     rng = np.random.default_rng(0)
     population = Population(
-        image_start(picture, count, rng), KEPT_WEIGHT, np.full(count, NEW, np.int64), chosen.intra.fit
+        image_start(picture, count, rng), KEPT_WEIGHT, np.full(count, NEW, np.int64), chosen.intra.fit.optimizer
     )
     objective = Objective(picture, 1)
-    fit(population, objective, replace(chosen.intra.fit, growth=None), rng)
+    fit(population, objective, chosen.intra.fit)
     return population, objective
 
 
@@ -60,9 +59,9 @@ def blocks(chosen) -> tuple[BlockSettings, BlockSettings]:
 
 def second_frame(state: State, chosen, iterations=10) -> tuple[Population, Objective]:
     """The decoded splats of a frame, fitted to the next picture."""
-    population = Population(state.splats, KEPT_WEIGHT, np.arange(len(state.splats)), chosen.inter.fit)
+    population = Population(state.splats, KEPT_WEIGHT, np.arange(len(state.splats)), chosen.inter.fit.optimizer)
     objective = Objective(PICTURES[1], 1)
-    fit(population, objective, replace(chosen.inter.fit, iterations=iterations), np.random.default_rng(0))
+    fit(population, objective, replace(chosen.inter.fit, iterations=iterations))
     return population, objective
 
 
@@ -316,41 +315,3 @@ def test_splats_that_fine_tuning_cannot_change_keep_their_bits_and_are_thawed():
     learned = Settings.paper(iterations=10)  # its zero is not exact
     quantizer = FrameQuantizer(still, objective, *blocks(learned), state, np.random.default_rng(0))
     assert not quantizer.static.any()
-
-
-def test_the_best_quantiser_is_among_the_candidates():
-    chosen = paper_quick(iterations=10)
-    population, objective = fitted()
-    before = State.initial(WIDTH, HEIGHT)
-    best = with_best_quantizer(population, objective, chosen, before, [0])
-    assert (best.intra.quantizer.cholesky_bits, *best.intra.quantizer.colors.codewords) in [
-        (bits, *[codewords] * stages) for bits, stages, codewords in chosen.intra.candidates
-    ]
-    assert best.intra.candidates == chosen.intra.candidates
-    assert best.inter == chosen.inter.with_(cholesky_bits=best.intra.quantizer.cholesky_bits)
-    assert with_best_quantizer(population, objective, chosen, before, [0]) == best
-    explicit = adan_fast()
-    assert with_best_quantizer(population, objective, explicit, before, [0]) is explicit
-
-
-def test_a_candidate_that_costs_bits_for_nothing_loses():
-    """Flat colours need no codewords: of two candidates that differ in them alone the smaller one wins."""
-    picture = flat(90, WIDTH, HEIGHT)[0].astype(np.float32) / 255
-    population, objective = fitted(picture)
-    population.values[:, 5:8] = population.values[0, 5:8]
-    for candidates in (((8, 1, 1), (8, 2, 512)), ((8, 2, 512), (8, 1, 1))):
-        quick = paper_quick(iterations=10)
-        chosen = replace(quick, intra=replace(quick.intra, candidates=candidates))
-        best = with_best_quantizer(population, objective, chosen, State.initial(WIDTH, HEIGHT), [0])
-        assert best.intra.quantizer.colors.codewords == (1,)
-
-
-def test_the_bytes_of_a_frame_are_those_that_a_stream_gets():
-    population, objective = fitted()
-    before = State.initial(WIDTH, HEIGHT)
-    codes, *_ = tuned(population, objective, adan_fast(), before, 0)
-    report, data = encoded(waves(frames=1), adan_fast())
-    with Stream(data) as stream:
-        frame = next(iter(stream))
-        assert frame_bytes(frame.codes, report.settings, before) == frame.size
-    assert frame_bytes(codes, adan_fast(), before) > 0

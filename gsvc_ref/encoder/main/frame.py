@@ -28,13 +28,20 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
 from gsvc_ref.encoder.held_level import HeldLevel
-from gsvc_ref.encoder.held_quality import DB_PER_STEP, ENOUGH, coarsest, fewest_splats, is_missed, most_spared
+from gsvc_ref.encoder.held_quality import (
+    DB_PER_STEP,
+    ENOUGH,
+    coarsest,
+    fewest_splats,
+    is_missed,
+    most_spared,
+    visibility,
+)
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.encoder.rate import visibility
 from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes

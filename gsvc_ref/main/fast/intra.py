@@ -32,24 +32,12 @@ from gsvc_ref.main.tables import step_of
 
 
 class Tables(NamedTuple):
-    """What the symbols of an I-frame are distributed by.
+    """What the symbols of an I-frame are distributed by."""
 
-    Attributes
-    ----------
-    inside
-        Columns and rows of cells.
-    alphas
-        (2 a,) i8, the shape of each halving.
-    magnitudes
-        The distributions of the classes of luma, chroma1 and chroma2.
-    windows
-        Those of size, aspect and shear.
-    """
-
-    inside: tuple[int, int]
-    alphas: I8
-    magnitudes: tuple[Distributions, Distributions, Distributions]
-    windows: tuple[Windows, Windows, Windows]
+    inside: tuple[int, int]  # columns and rows of cells
+    alphas: I8  # (2 a,), the shape of each halving
+    magnitudes: tuple[Distributions, Distributions, Distributions]  # of the classes of luma, chroma1 and chroma2
+    windows: tuple[Windows, Windows, Windows]  # of size, aspect and shear
 
     @classmethod
     def of(cls, densities: Densities, width: int, height: int) -> "Tables":
@@ -79,19 +67,6 @@ class ReadIntra(NamedTuple):
 def read_intra(lanes: Lanes, size: tuple[int, int], densities: Densities, count: int, quantizer: int) -> ReadIntra:
     """The passes of the splats of an I-frame, or of new ones (spec.md section 15.9).
 
-    Parameters
-    ----------
-    lanes
-        The lanes of the frame.
-    size
-        Width and height of the frame in pixels.
-    densities
-        Those of the frame.
-    count
-        The number of splats, at least 1.
-    quantizer
-        That of the frame.
-
     Raises
     ------
     MissingWordError
@@ -109,7 +84,7 @@ def _read_intra(lanes: Lanes, tables: Tables, step: int, out: CodeArrays, state:
     count = len(state)
     if not read_cells(lanes, tables.inside, tables.alphas, out.cells):
         return False
-    lanes.spent_behind[CELLS] = lanes.spent[0]
+    lanes.spent_after[CELLS] = lanes.spent[0]
     context, codes = np.zeros(count, np.int64), np.empty(count, np.int64)
     for plane in range(3):
         if not read_colors(lanes, tables.magnitudes[plane], context, codes):
@@ -118,7 +93,7 @@ def _read_intra(lanes: Lanes, tables: Tables, step: int, out: CodeArrays, state:
             out.colors[splat, plane] = codes[splat]
             if plane == 0:  # the classes of luma are the contexts of both chroma planes
                 context[splat] = magnitude_class(abs(codes[splat]))
-        lanes.spent_behind[CHROMA if plane else LUMA] = lanes.spent[0]
+        lanes.spent_after[CHROMA if plane else LUMA] = lanes.spent[0]
     # The class follows from the colour alone, and says which window the codes of shape have.
     most, j, color = N_MOST // step, np.empty(count, np.int64), np.empty(3, np.int64)
     for splat in range(count):
@@ -130,7 +105,7 @@ def _read_intra(lanes: Lanes, tables: Tables, step: int, out: CodeArrays, state:
             return False
         for splat in range(count):
             out.shapes[splat, plane] = codes[splat]
-        lanes.spent_behind[SIZE + plane] = lanes.spent[0]
+        lanes.spent_after[SIZE + plane] = lanes.spent[0]
     bits = context
     for axis in range(2):
         for splat in range(count):
@@ -140,7 +115,7 @@ def _read_intra(lanes: Lanes, tables: Tables, step: int, out: CodeArrays, state:
             return False
         for splat in range(count):
             out.places[splat, axis] = codes[splat]
-    lanes.spent_behind[PLACE] = lanes.spent[0]
+    lanes.spent_after[PLACE] = lanes.spent[0]
     find_intra_state(out, step, state)
     return True
 

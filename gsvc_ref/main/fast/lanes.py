@@ -32,30 +32,14 @@ class MissingWordError(Exception):
 
 
 class Lanes(NamedTuple):
-    """The lanes of a run that is read, and what they have used so far.
+    """The lanes of a run that is read, and what they have used so far."""
 
-    Attributes
-    ----------
-    states
-        (lanes,) i8, the states; the number of lanes is a power of two.
-    words
-        (count,) u2.
-    taken
-        (1,) i8, the number of words taken.
-    spent
-        (1,) i8, the code length so far in parts of a bit (`LENGTH_UNIT`).
-    spent_behind
-        (12,) i8, `spent` behind each of `RUN_PARTS`, 0 where a part has not been read.
-    lengths
-        `LENGTHS`.
-    """
-
-    states: I8
-    words: U2
-    taken: I8
-    spent: I8
-    spent_behind: I8
-    lengths: I8
+    states: I8  # (lanes,), a power of two of them
+    words: U2  # (count,)
+    taken: I8  # (1,), the number of words taken
+    spent: I8  # (1,), the code length so far in parts of a bit (`LENGTH_UNIT`)
+    spent_after: I8  # (12,), `spent` after each of `RUN_PARTS`, 0 where a part has not been read
+    lengths: I8  # `LENGTHS`
 
     @classmethod
     def begun(cls, lane_states: U4, words: U2) -> "Lanes":

@@ -32,68 +32,34 @@ DIFFERENCE_ROWS: Final = tuple(ROWS[name].first for name, _, _ in GROUPS)
 
 
 class Reference(NamedTuple):
-    """What a P-frame is predicted from, and how it is coded.
+    """What a P-frame is predicted from, and how it is coded."""
 
-    Attributes
-    ----------
-    values, past
-        The splats (N, 8) i8 of the frame before, and what that frame did with each (N,) i8.
-    width, height
-        Size of the frame in pixels.
-    side
-        Side of a motion cell in pixels, 0: no field.
-    step
-        D in 1/16.
-    """
-
-    values: I8
-    past: I8
-    width: int
+    values: I8  # (N, 8), the splats of the frame before
+    past: I8  # (N,), what that frame did with each
+    width: int  # of the frame in pixels
     height: int
-    side: int
-    step: int
+    side: int  # of a motion cell in pixels, 0: no field
+    step: int  # D in 1/16
 
 
 class Outputs(NamedTuple):
-    """What is read.
+    """What is read."""
 
-    Attributes
-    ----------
-    field
-        (rows, columns, 2) i8, the vectors.
-    modes, differences
-        (N,) and (N, 8) i8.
-    after, past
-        (N, 8) and (N,) i8, the splats that stay, and what was done with each, at the start of the arrays.
-    counts
-        (33, 24) i8, those of the models of this frame before, and of the next one then.
-    """
-
-    field: I8
-    modes: I8
-    differences: I8
-    after: I8
-    past: I8
-    counts: I8
+    field: I8  # (rows, columns, 2), the vectors
+    modes: I8  # (N,)
+    differences: I8  # (N, 8)
+    after: I8  # (N, 8), the splats that stay, at the start of the array
+    past: I8  # (N,), what was done with each, likewise
+    counts: I8  # (33, 24), those of the models of this frame before, and of the next one then
 
 
 class ReadPredicted(NamedTuple):
-    """What a P-frame says of the splats of the frame before.
+    """What a P-frame says of the splats of the frame before."""
 
-    Attributes
-    ----------
-    codes
-        The codes, with the field, the modes and the differences.
-    values, past
-        The splats that stay (N, 8), and what was done with each (N,).
-    models
-        The models of the next frame.
-    """
-
-    codes: MainCodes
-    values: I8
-    past: I8
-    models: Models
+    codes: MainCodes  # with the field, the modes and the differences
+    values: I8  # (N, 8), the splats that stay
+    past: I8  # (N,), what was done with each
+    models: Models  # of the next frame
 
 
 def read_predicted(
@@ -101,16 +67,7 @@ def read_predicted(
 ) -> ReadPredicted:
     """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11).
 
-    Parameters
-    ----------
-    lanes
-        The lanes of the frame.
-    size
-        Width and height of the frame in pixels.
-    values, past, models
-        Those of the `MainState` before.
-    codes
-        The elements in front of the run.
+    `values`, `past` and `models` are those of the `MainState` before, and `codes` the elements in front of the run.
 
     Raises
     ------
@@ -137,7 +94,7 @@ def _read_predicted(lanes: Lanes, reference: Reference, out: Outputs) -> int:
     tables, seen = model_distributions(out.counts), np.zeros(out.counts.shape, np.int64)
     if side and not read_field(lanes, tables, seen, out.field):
         return -1
-    lanes.spent_behind[MOTION] = lanes.spent[0]
+    lanes.spent_after[MOTION] = lanes.spent[0]
     motion, contexts = np.empty((len(values), 2), np.int64), np.empty(len(values), np.int64)
     find_motion(values, out.field, side, motion)
     find_mode_contexts(values, motion, reference.past, out.field, side, reference.width, reference.height, contexts)
@@ -146,11 +103,11 @@ def _read_predicted(lanes: Lanes, reference: Reference, out: Outputs) -> int:
     if not read_symbols(lanes, tables, contexts, out.modes):
         return -1
     note_symbols(contexts, out.modes, seen)
-    lanes.spent_behind[MODES] = lanes.spent[0]
+    lanes.spent_after[MODES] = lanes.spent[0]
     for group in range(3):
         if not read_differences(lanes, group, tables, seen, out.modes, out.differences):
             return -1
-        lanes.spent_behind[POSITION + group] = lanes.spent[0]
+        lanes.spent_after[POSITION + group] = lanes.spent[0]
     counts = adapted(out.counts, seen)
     for context in range(len(counts)):
         for s in range(counts.shape[1]):

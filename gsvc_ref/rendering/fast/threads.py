@@ -12,7 +12,6 @@ from typing import Any
 
 from gsvc_base.errors import UsageError
 from gsvc_base.processors import processors
-from gsvc_ref._compiler import numba
 
 _pool: ThreadPoolExecutor | None = None
 
@@ -73,6 +72,8 @@ def _wait_for(others: list[Future[None]]) -> None:
 
 def _most_threads() -> int:
     """One per CPU, or what NUMBA_NUM_THREADS says."""
+    from gsvc_ref._compiler import numba
+
     config: Any = numba.config
     most: int = config.NUMBA_NUM_THREADS
     return most

@@ -12,7 +12,7 @@ from gsvc_lab.accuracy.sources import scene_source
 from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, Training
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import PRECISIONS
-from gsvc_ref.training import NEW, Population, fine_tune, image_start
+from gsvc_ref.training import NEW, FitSettings, Population, fine_tune, image_start
 
 JIT = not numba.config.DISABLE_JIT
 
@@ -72,18 +72,13 @@ def test_the_setting_called_quick_is_the_preset(group):
     assert Training().fit == QUICK_FIT  # by Adan, whose parts the groups compare
 
 
-@pytest.mark.parametrize(
-    ("coding", "changed"),
-    [
-        (Coding(), {"intra.quantizer.position_step", "intra.candidates"}),
-        (Coding(position_bits=9), {"intra.quantizer.position_step", "intra.candidates"}),
-        (Coding(cholesky_bits=5), {"intra.quantizer.position_step", "intra.candidates", "intra.quantizer.cholesky_bits",
-                                   "inter.quantizer.cholesky_bits"}),
-        (Coding(stages=2), {"intra.quantizer.position_step", "intra.candidates", "intra.quantizer.colors.codewords"}),
-    ],
-)  # fmt: skip
-def test_coding_is_that_of_the_preset_but_for_the_setting(coding, changed):
-    assert differences(Settings.quick(profile="paper"), coding.settings(40, 30)) == changed
+@pytest.mark.parametrize("coding", [Coding(), Coding(position_bits=9), Coding(cholesky_bits=5), Coding(stages=2)])
+def test_coding_is_that_of_the_preset_but_for_its_quantisers(coding):
+    changed = differences(Settings.quick(profile="paper"), coding.settings(40, 30))
+    assert changed == {
+        "intra.quantizer.position_step", "intra.quantizer.cholesky_bits", "inter.quantizer.cholesky_bits",
+        "intra.quantizer.colors.codewords",
+    }  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +105,7 @@ def test_coarser_settings_cost_fewer_bytes(monkeypatch):
     monkeypatch.setattr("gsvc_lab.accuracy.work.fine_tune", untuned)
     picture = SourcePicture(scene_source("chelsea").picture[100:164, 200:280])
     splats = image_start(picture.picture, 300, np.random.default_rng(0))
-    picture.population = Population(splats, 1.0, np.full(300, NEW), QUICK_FIT)
+    picture.population = Population(splats, 1.0, np.full(300, NEW))
     usual = Coding().run(picture, 0)[2]
     for coarser in (Coding(position_bits=7), Coding(cholesky_bits=4), Coding(stages=1)):
         assert coarser.run(picture, 0)[2] < usual
@@ -130,7 +125,7 @@ def test_seeds_give_other_splats_and_the_same_seed_the_same(picture):
 
 
 def test_a_random_start_begins_dark(picture):
-    start = Training(start="random", fit=Training().fit.__class__(iterations=0, pruning=None)).run(picture, 0)
+    start = Training(start="random", growth=None, fit=FitSettings(iterations=0, pruning=None)).run(picture, 0)
     assert abs(start.parameters()[:, 5:8]).max() < 0.01
     assert len(start) == picture.width * picture.height // 40
 

@@ -15,7 +15,7 @@ from gsvc_tools.jobs import cluster as clusters
 from gsvc_tools.jobs.cluster import Cluster, ClusterError, check_answers, opened_cluster
 from gsvc_tools.jobs.cluster_task import OtherCodeError, call
 from gsvc_tools.jobs.code_version import code_version
-from gsvc_tools.jobs.groups import EncodedRun, encode_run
+from gsvc_tools.jobs.groups import EncodedSegment, encode_segment
 
 distributed = pytest.importorskip("distributed")
 
@@ -52,14 +52,14 @@ def once(marker: str, action: str, coder, frames):
             if action == "die":
                 os._exit(1)
             fault = OSError(ENOSPC, "No space left on device")
-            return EncodedRun([], coder, fault, action)
-    return encode_run(coder, frames)
+            return EncodedSegment([], coder, fault, action)
+    return encode_segment(coder, frames)
 
 
 class Bad:
     """An executor that has each run made by `once`."""
 
-    run_s = 1e-9  # a frame a task
+    segment_s = 1e-9  # a frame a task
 
     def __init__(self, cluster: Cluster, marker: str, action: str) -> None:
         self.cluster, self.marker, self.action = cluster, marker, action

@@ -24,7 +24,7 @@ from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_tools.jobs import resume
 from gsvc_tools.jobs.code_version import code_version
-from gsvc_tools.jobs.groups import encode_run
+from gsvc_tools.jobs.groups import encode_segment
 from gsvc_tools.jobs.kept_group import OURS, KeptGroup
 
 SMALL = video_format(24, 16)
@@ -122,7 +122,7 @@ def test_groups_that_are_done_out_of_order_are_kept(tmp_path, whole):
             if names() == later:
                 raise EndedError
             time.sleep(0.01)
-        return encode_run(coder, frames)
+        return encode_segment(coder, frames)
 
     class FirstFails(ThreadPoolExecutor):
         def submit(self, function, /, *arguments, **options):

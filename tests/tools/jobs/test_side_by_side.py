@@ -18,8 +18,8 @@ from codec_cases import Counting, encoded, fast, flat, paper_fast, paper_quick, 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.interrupts import INSISTING_S
 from gsvc_ref.encoder import IncompleteEncodeError, encode
-from gsvc_ref.encoder.frame import FrameEncoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.stream import StreamWriter, decode
 from gsvc_ref.video import open_writer
 from gsvc_tools.jobs import groups, side_by_side
@@ -143,7 +143,7 @@ def test_the_same_bytes_in_processes(settings):
 @pytest.mark.parametrize("run", [1e-9, 1e9])
 def test_the_length_of_runs_changes_nothing(monkeypatch, run):
     _, data = encoded(CLIP, fast(key_frames=5, psnr=22.0))
-    monkeypatch.setattr(groups, "RUN_S", run)
+    monkeypatch.setattr(groups, "SEGMENT_S", run)
     lengths = []
     with ThreadPoolExecutor(2) as threads:
 
@@ -297,7 +297,7 @@ def test_what_is_lost_with_a_process_is_encoded_again():
 
 
 def test_what_is_lost_twice_ends_the_encode_with_the_frames_before(monkeypatch):
-    monkeypatch.setattr(groups, "RUN_S", 1e-9)
+    monkeypatch.setattr(groups, "SEGMENT_S", 1e-9)
     settings, file = fast(key_frames=3), io.BytesIO()
     with pytest.raises(side_by_side.DeadWorkerError, match="give a lower number of jobs") as caught:
         encode((CLIP, SMALL), file, settings, executor=Killing(0, {4: 2}))
@@ -335,7 +335,7 @@ def test_an_interrupt_keeps_the_frames_done(monkeypatch, stage):
             raise KeyboardInterrupt
 
     monkeypatch.setattr(StreamWriter, "write_frame", write)
-    monkeypatch.setattr(groups, "RUN_S", 1e-9)  # a frame at a time
+    monkeypatch.setattr(groups, "SEGMENT_S", 1e-9)  # a frame at a time
 
     file = io.BytesIO()
     settings = fast(key_frames="auto", low_latency=True)

@@ -1,0 +1,363 @@
+"""One frame at a time in profile `paper`, as in the paper's algorithm 1: start, fit, prune, augment, fine-tune.
+
+Each step has a method of `_PaperFrame`, in this order. Preset `paper` fits as the paper does (`gsvc_ref.training`),
+preset `quick` by L-BFGS (`quick`); all else is the same for both.
+"""
+
+import math
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_base.arrays import F4, Frame
+from gsvc_base.splats import Splats
+from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
+from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
+from gsvc_ref.encoder.held_quality import ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
+from gsvc_ref.encoder.log import OFF, FrameLog
+from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.quick import exchanged, grown, refitted
+from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.stages import StageSeconds
+from gsvc_ref.metrics import psnr
+from gsvc_ref.paper import FrameCodes, FrameType, State
+from gsvc_ref.rendering import Objective, Renderer
+from gsvc_ref.training import (
+    KEPT_WEIGHT,
+    NEW,
+    NEW_WEIGHT,
+    BlockSettings,
+    FitSettings,
+    FrameQuantizer,
+    OnIteration,
+    Population,
+    fine_tune,
+    fit,
+    psnr_of_loss,
+    random_splats,
+    uniform_numbers,
+)
+from gsvc_ref.training.motion import estimated_motion
+from gsvc_ref.training.settings import MOST_THRESHOLD
+
+NEW_DROP: Final = 1.0
+"""Something new is to be seen in a P-frame that is predicted with so many dB less than the frame before has."""
+
+MOST_NEW: Final = 3.0
+"""A frame gets at most this many times `FrameSettings.new_fraction` of new splats, one time for each NEW_DROP."""
+
+
+class FrameEncoder:
+    """Encodes frames in order, each against the reconstruction of the one before (closed loop).
+
+    Parameters
+    ----------
+    settings
+        All settings.
+    width, height, bit_depth
+        The size of the frames in pixels, and the bits of a sample.
+
+    Attributes
+    ----------
+    settings
+        The settings given.
+    state
+        The decoder's state after the frames so far.
+    total, most
+        The number of splats that a frame is meant to have, and the maximum that it may get.
+    intra_psnr, last_psnr
+        PSNR of the last I-frame and of the last frame, in dB.
+    picture
+        The source of the frame before, (H, W, 3) f4.
+    """
+
+    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+        self.settings, self.bit_depth = settings, bit_depth
+        self.state = State.initial(width, height)
+        self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
+        self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
+        self.intra_psnr = self.last_psnr = math.inf
+        self.picture: F4 | None = None
+
+    def elements(self) -> dict[str, Any]:
+        """The elements of the sequence header that belong to the profile."""
+        return self.settings.quantizer_elements()
+
+    @property
+    def decides_first(self) -> bool:
+        """Whether the first frame decides from which number of splats the search of other I-frames begins."""
+        return self.settings.psnr is not None
+
+    def decided(self) -> tuple[int, ...]:
+        """That number."""
+        return (self.total,)
+
+    def decide(self, decided: tuple[int, ...]) -> None:
+        """Take what the first frame of the stream has decided, as `decided` said it."""
+        (total,) = decided
+        self.total = min(max(1, total), self.most)
+
+    def for_group(self) -> "FrameEncoder":
+        """An encoder for another group of pictures, whose search begins with the number of splats of this one."""
+        other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
+        other.total = self.total
+        return other
+
+    def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
+        """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
+        work = _PaperFrame(self, frame, number, progress)
+        result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
+        assert isinstance(result.state, State)
+        self.state, self.picture, self.last_psnr = result.state, work.picture, result.psnr
+        if result.codes.type == "I":
+            self.intra_psnr = result.psnr
+        return result
+
+
+class _PaperFrame:
+    """The work on one frame: what its steps share, and the time that each takes."""
+
+    def __init__(self, encoder: FrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
+        self.encoder, self.settings, self.before = encoder, encoder.settings, encoder.state
+        self.frame, self.number, self.progress = frame, number, progress
+        self.rng = np.random.default_rng([self.settings.seed, number])
+        self.height, self.width = frame.shape[:2]
+        self.peak = (1 << encoder.bit_depth) - 1
+        self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
+        self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
+        self.seconds = StageSeconds()
+        self.iterations = 0
+        self.log = FrameLog()
+
+    # ---- the types of frames ----
+    def repeat(self) -> EncodedFrame:
+        """An R-frame: nothing changes."""
+        return self._reconstructed(FrameCodes.repeated_frame(), self.before)
+
+    def intra(self, reason: str | None = None) -> EncodedFrame:
+        """An I-frame."""
+        goal, total = self.settings.psnr, self.encoder.total
+        frame = self._coded_intra(self._fitted_intra(total)) if goal is None else self._held_intra(goal)
+        return replace(frame, iterations=self.iterations, reason=reason)
+
+    def inter(self) -> EncodedFrame:
+        """A P-frame; for a PSNR that it does not reach an I-frame, and an R-frame where nothing needs to change."""
+        goal = self.settings.psnr
+        if goal is None:
+            return self._coded_inter(self._fitted_inter(self.encoder.total))
+        if self.settings.effects.frames == "auto" and (repeated := self.repeat()).psnr >= goal:
+            self.log.add("frames", "the frame before has the quality", done=False, saved=self.settings.inter.iterations)
+            return replace(repeated, decisions=self.log.decisions)
+        frame = self._held_inter(goal)
+        if is_missed(frame.psnr, goal, self.encoder.intra_psnr):
+            self.log = FrameLog()
+            return self.intra("a P-frame does not reach the quality")
+        return replace(frame, iterations=self.iterations)
+
+    def _held_intra(self, goal: float) -> EncodedFrame:
+        """The I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR."""
+        encoder, fitted = self.encoder, dict[int, Population]()
+
+        def tried(total: int) -> EncodedFrame:
+            fitted[total] = self._fitted_intra(total)
+            return self._coded_intra(fitted[total])
+
+        encoder.total, frame = fewest_splats(tried, min(encoder.total, encoder.most), encoder.most, goal)
+        if frame.psnr - goal <= ENOUGH:
+            return frame
+        parameters = fitted[encoder.total].parameters()
+        weakest = np.argsort(visibility(parameters), kind="stable")
+
+        def without(count: int) -> EncodedFrame:
+            return self._coded_intra(_new_population(parameters[np.sort(weakest[count:])]))
+
+        return most_spared(without, frame, len(parameters), goal)
+
+    def _held_inter(self, goal: float) -> EncodedFrame:
+        """The P-frame with the fewest splats of those tried that reaches a PSNR, and then with the fewest changes."""
+        encoder, fitted = self.encoder, dict[int, Population]()
+
+        def tried(total: int) -> EncodedFrame:
+            fitted[total] = self._fitted_inter(total)
+            return self._coded_inter(fitted[total])
+
+        total, frame = fewest_splats(tried, min(len(self.before.splats), encoder.most), encoder.most, goal)
+        if self.settings.inter.quantizer.static_threshold == 0:
+            return frame
+        return coarser(lambda scale: self._coded_inter(fitted[total], scale), frame, goal)
+
+    # ---- start, fit and prune (I) ----
+    def _fitted_intra(self, total: int) -> Population:
+        """The splats of an I-frame of N splats; each number that is tried begins with the same draws."""
+        self.rng = np.random.default_rng([self.settings.seed, self.number])
+        settings = self.settings.intra.fit
+        if isinstance(settings, QuickFit):
+            with self.seconds.timed("fit"):
+                return _new_population(grown(self._target(settings), total, settings.iterations, self.rng))
+        settings = self._with_gsp(settings)
+        start = random_splats(uniform_numbers(total, self.rng), self.width, self.height)
+        weight = KEPT_WEIGHT if settings.pruning is None else NEW_WEIGHT  # w is learnt only for pruning
+        population = self._fitted(
+            Population(start, weight, np.full(total, NEW, np.int64), settings.optimizer), settings
+        )
+        if settings.pruning is not None:
+            self.log.add("gsp", f"{total - len(population):,} splats removed during the fit", done=True)
+        return population
+
+    # ---- start, augment, fit and prune (P) ----
+    def _fitted_inter(self, total: int) -> Population:
+        """The splats of a P-frame of N splats: those of the frame before, moved, without some, with new ones."""
+        self.rng = np.random.default_rng([self.settings.seed, self.number])
+        settings, effects = self.settings.inter.fit, self.settings.effects
+        with self.seconds.timed("start"):
+            parameters, predicted = self._moved(self.before.splats.to_array())
+            old = len(parameters)
+            new = self._new_splats(total, predicted)
+            if self.settings.psnr is not None:
+                new = max(new, total - old)
+            if effects.gsp == "off":
+                new, removed = min(new, max(0, self.encoder.most - old)), 0
+            elif effects.gsp == "all" and self.settings.psnr is None:
+                removed = min(new, old)  # as many go as come (paper section 3.5)
+            else:
+                removed = min(max(0, old + new - total), old)  # those that have no room
+            self._log_exchange(new, removed)
+        if isinstance(settings, QuickFit):
+            with self.seconds.timed("fit"):
+                target = self._target(settings)
+                parameters, origins = exchanged(target, parameters, old - removed, new, self.rng)
+                parameters = refitted(target, parameters, settings.iterations)
+            return Population(Splats.from_array(parameters), KEPT_WEIGHT, origins)
+        settings, stay = self._with_gsp(settings), np.arange(old)
+        if settings.pruning is not None and removed:
+            settings = settings.pruning_of(removed / (old + new))
+        else:
+            settings = replace(settings, pruning=None)
+            stay = np.sort(np.argsort(-visibility(parameters), kind="stable")[: old - removed])
+        population = Population(Splats.from_array(parameters[stay]), KEPT_WEIGHT, stay, settings.optimizer)
+        self._augment(population, new, learn_weights=settings.pruning is not None)
+        return self._fitted(population, settings)
+
+    def _moved(self, parameters: F4) -> tuple[F4, float]:
+        """The splats along the optical flow, if that brings the picture closer, and the PSNR of the prediction."""
+        psnr_before = psnr_of_loss(self.objective.loss(parameters))
+        before = self.encoder.picture
+        if self.settings.effects.motion == "off" or before is None:
+            self.log.add("motion", OFF, done=False)
+            return parameters, psnr_before
+        moved = parameters.copy()
+        moved[:, :2] += estimated_motion(before, self.picture, parameters[:, :2])
+        psnr_moved = psnr_of_loss(self.objective.loss(moved))
+        if psnr_moved <= psnr_before:
+            self.log.add("motion", "moving splats along the flow would not bring the prediction closer", done=True)
+            return parameters, psnr_before
+        gain = min(psnr_moved, 100) - psnr_before
+        self.log.add("motion", f"moved splats bring the prediction {max(gain, 0):.1f} dB closer", done=True)
+        return moved, psnr_moved
+
+    def _new_splats(self, total: int, predicted: float) -> int:
+        """How many splats GSA adds to a P-frame that is predicted with a PSNR in dB."""
+        mode, drop = self.settings.effects.gsa, min(self.encoder.last_psnr, 100.0) - predicted
+        need = {"off": 0.0, "all": 1.0}.get(mode, min(drop / NEW_DROP, MOST_NEW) if drop > NEW_DROP else 0.0)
+        new = round(self.settings.inter.new_fraction * total * need)
+        if mode == "off":
+            reason = OFF
+        elif mode == "all":
+            reason = "asked for"
+        else:
+            reason = f"predicted with {max(drop, 0.0):.1f} dB less than the frame before has"
+        self.log.add("gsa", reason, done=new > 0)
+        return new
+
+    def _log_exchange(self, new: int, removed: int) -> None:
+        """Log how many splats come and go."""
+        effects = self.settings.effects
+        if effects.regions == "all":
+            self.log.add("regions", "asked for", done=True)
+        else:
+            self.log.add("regions", "what changes too little to be seen stays as it is", done=False)
+        if effects.gsa == "all" and not new:
+            self.log.add("gsa", "no room for more splats without pruning", done=False)
+        if effects.gsp == "off":
+            reason = OFF
+        elif removed:
+            reason = f"{removed:,} splats go and {new:,} come"
+        else:
+            reason = "the rate has room for all splats"
+        self.log.add("gsp", reason, done=removed > 0)
+
+    def _augment(self, population: Population, count: int, *, learn_weights: bool) -> None:
+        """GSA: nearly invisible splats anywhere; where w is not learnt, their colours are faint."""
+        uniforms = uniform_numbers(count, self.rng)
+        if learn_weights:
+            population.augment(uniforms, self.width, self.height)
+        else:
+            splats = random_splats(uniforms, self.width, self.height)
+            faint = Splats(splats.positions, splats.cholesky, splats.colors * np.float32(NEW_WEIGHT))
+            population.append(faint, KEPT_WEIGHT)
+
+    def _with_gsp(self, settings: FitSettings) -> FitSettings:
+        """The settings of a fit, with pruning only where the paper's is asked for."""
+        return settings if self.settings.effects.gsp == "all" else replace(settings, pruning=None)
+
+    def _fitted(self, population: Population, settings: FitSettings) -> Population:
+        """The population after its fit by Adan, with GSP where the settings have it."""
+        with self.seconds.timed("fit"):
+            _, done = fit(population, self.objective, settings, on_iteration=self._report("fit"))
+            self.iterations += done
+        return population
+
+    # ---- fine-tune and reconstruct ----
+    def _coded_intra(self, population: Population) -> EncodedFrame:
+        """The I-frame of fitted splats."""
+        return self._fine_tuned(population, self.settings.intra, self.settings.inter.quantizer, self.before.forget())
+
+    def _coded_inter(self, population: Population, scale: float = 1.0) -> EncodedFrame:
+        """The P-frame of fitted splats; a change must be worth `scale` times what the settings say."""
+        inter = self.settings.inter
+        least = 0.0 if self.settings.effects.regions == "all" else scale * inter.quantizer.static_threshold
+        quantizer = inter.quantizer.with_(static_threshold=min(least, MOST_THRESHOLD))
+        return self._fine_tuned(population, inter, quantizer, self.before)
+
+    def _fine_tuned(
+        self, population: Population, settings: FrameSettings, inter: BlockSettings, before: State
+    ) -> EncodedFrame:
+        """The frame of fitted splats after quantisation-aware fine-tuning, with `inter` for differences."""
+        with self.seconds.timed("quantize"):
+            quantizer = FrameQuantizer(
+                population, self.objective, self.settings.intra.quantizer, inter, before, self.rng
+            )
+            codes, state, done = fine_tune(
+                population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
+            )
+            self.iterations += done
+        return self._reconstructed(codes, state)
+
+    def _reconstructed(self, codes: FrameCodes, state: State) -> EncodedFrame:
+        """The frame, with the PSNR of what a decoder will show."""
+        with self.seconds.timed("check"):
+            decoded = self.encoder.renderer.frame(state.splats, self.encoder.bit_depth)
+            quality = psnr(self.frame, decoded, self.peak)
+        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, self.log.decisions)
+
+    # ---- time and progress ----
+    def _report(self, stage: str) -> OnIteration:
+        return lambda done, iterations, loss: self.progress(stage, done, iterations, psnr_of_loss(loss))
+
+    def _target(self, fit_settings: QuickFit) -> Target:
+        """The picture for a fit by L-BFGS."""
+        done, iterations = 0, fit_settings.iterations
+
+        def evaluated(loss: float) -> None:
+            nonlocal done
+            self.iterations, done = self.iterations + 1, done + 1
+            self.progress("fit", done, max(done, iterations), psnr_of_loss(loss))
+
+        settings = self.settings
+        return Target(self.picture, threads=settings.threads, precision=settings.precision, on_evaluation=evaluated)
+
+
+def _new_population(parameters: F4) -> Population:
+    """Splats (N, 8) f4 that no frame before has."""
+    return Population(Splats.from_array(parameters), KEPT_WEIGHT, np.full(len(parameters), NEW, np.int64))
