@@ -164,6 +164,7 @@ def crc32c_of_part(
     return after ^ _after_zeros(before, end - first, zero_tables) ^ 0xFFFFFFFF
 
 
+# twin of spec.parameter_checksum
 @door
 def parameter_checksum(parameters: Splats | ArrayLike) -> int:
     """`parameter_checksum` of a frame (R-6.4-3).

@@ -73,6 +73,7 @@ class EncodedPlane(NamedTuple):
     """(word_count,)"""
 
 
+# twin of spec.encode_plane
 @door
 def encode_plane(
     symbols: ArrayLike, frequencies: ArrayLike, entropy_precision: int, lane_count: int, first_symbol: int = 0

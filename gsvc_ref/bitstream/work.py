@@ -29,6 +29,7 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
     return work
 
 
+# twin of spec.rendering_work
 @door
 def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> int:
     """The number of (splat, pixel) pairs in the splats' boxes on a frame, (5-1): the work that a level limits (R-5-4).

@@ -36,6 +36,7 @@ class RvqUpdate(NamedTuple):
     """(K, 3), values of binary16."""
 
 
+# twin of spec.rvq_update
 @door
 def rvq_update(
     x: ArrayLike,

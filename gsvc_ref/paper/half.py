@@ -25,6 +25,7 @@ EXPONENT_MASK: Final = 0x7C00
 """All exponent bits of a binary16: set in infinities and NaNs."""
 
 
+# twin of spec.to_half
 @door
 def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     """Patterns of the binary16 nearest to each value, ties to even (8-6), R-8-3.
@@ -51,6 +52,7 @@ def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     return halves.view(np.uint16)
 
 
+# twin of spec.from_half
 @door
 def from_half(bits: ArrayLike) -> NDArray[np.float32]:
     """Values of 16-bit patterns, exactly (8-5), R-8-3.

@@ -46,6 +46,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
+# twin of spec.lsq_quantize
 @door
 def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
@@ -80,6 +81,7 @@ def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -
     return codes
 
 
+# twin of spec.lsq_dequantize
 @door
 def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
@@ -113,6 +115,7 @@ def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     return values
 
 
+# twin of spec.lsq_gradients
 @door
 def lsq_gradients(
     x: ArrayLike,

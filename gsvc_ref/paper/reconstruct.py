@@ -124,6 +124,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
     return replace(before, splats=_finite(parts), inter=kept_inter, intra=kept_intra)
 
 
+# twin of spec.reconstruct_intra
 @door
 def reconstruct_intra(
     width: int,
@@ -171,6 +172,7 @@ def reconstruct_intra(
     return _finite(_intra(width, height, codes))
 
 
+# twin of spec.reconstruct_inter
 @door
 def reconstruct_inter(
     width: int,

@@ -34,6 +34,7 @@ class Commitment(NamedTuple):
     """(N, 3) f4."""
 
 
+# twin of spec.rvq_assign
 @door
 def rvq_assign(x: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Indices:
     """The nearest codeword of each vector in each stage, the lowest index on a tie (R-10.6-1).
@@ -128,6 +129,7 @@ def residuals(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codeb
     return r
 
 
+# twin of spec.commitment
 @door
 def commitment(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Commitment:
     """Mean squared r^k - stopgrad(C^k[i^k]), summed over the stages (R-10.6-2).

@@ -138,6 +138,7 @@ def render(
     return Renderer(width, height, precision=precision, threads=threads).picture(Splats.of(splats))
 
 
+# twin of spec.render_sum
 @door
 def render_sum(
     parameters: Splats | ArrayLike,
@@ -157,6 +158,7 @@ def render_sum(
     return renderer.picture(splats, clamp=False)
 
 
+# twin of spec.render_sum_deterministic
 @door
 def render_sum_deterministic(
     parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
@@ -167,6 +169,7 @@ def render_sum_deterministic(
     )
 
 
+# twin of spec.render_frame
 @door
 def render_frame(
     parameters: Splats | ArrayLike,
@@ -184,6 +187,7 @@ def render_frame(
     return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 
 
+# twin of spec.render_gradients
 @door
 def render_gradients(
     parameters: Splats | ArrayLike, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None
