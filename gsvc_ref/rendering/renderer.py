@@ -24,23 +24,7 @@ MAX_SIDE: Final = 65536
 class Renderer:
     """Renders set after set of splats at one size, and keeps its buffers between the calls.
 
-    One renderer serves one thread at a time.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    precision
-        As for `render`.
-    threads
-        Threads to use, None for one per CPU. The results have the same bits for any number.
-    region_rows
-        Rows that are rendered at a time, None for all. The results have the same bits for any number.
-
-    Raises
-    ------
-    UsageError
-        The size or an option is outside its limits.
+    The results have the same bits for any number of threads and rows. One renderer serves one thread at a time.
     """
 
     def __init__(
@@ -50,7 +34,7 @@ class Renderer:
         *,
         precision: Precision = "fast",
         threads: int | None = None,
-        region_rows: int | None = None,
+        region_rows: int | None = None,  # rows that are rendered at a time; None: all
     ) -> None:
         _check_size(width, height)
         check_precision(precision)
