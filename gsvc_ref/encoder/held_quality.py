@@ -161,9 +161,9 @@ def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> Ju
     return best
 
 
-def is_missed(psnr: float, goal: float, level: float) -> bool:
-    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
-    return psnr < (goal if level >= goal else level - MOST_DROP)
+def is_missed(psnr: float, goal: float, intra_psnr: float) -> bool:
+    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `intra_psnr`, takes its place."""
+    return psnr < (goal if intra_psnr >= goal else intra_psnr - MOST_DROP)
 
 
 def coarsest(

@@ -130,8 +130,8 @@ class Settings:
     intra: FrameSettings
     inter: FrameSettings
     detection: DetectionSettings = field(default_factory=DetectionSettings)
-    main_intra: IntraSettings = field(default_factory=IntraSettings.quick)
-    main_inter: InterSettings = field(default_factory=InterSettings.quick)
+    main_intra: IntraSettings = field(default_factory=IntraSettings)
+    main_inter: InterSettings = field(default_factory=InterSettings)
     splats: int | None = None
     psnr: float | None = None
     bitrate: float | None = None

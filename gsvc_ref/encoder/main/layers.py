@@ -30,7 +30,7 @@ class LayeredFrameEncoder:
     def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
         self.parts = [  # of the base and each layer above it; the D of P-frames is that of all layers together
-            MainFrameEncoder(one, width, height, bit_depth, holds_level=False) for one in settings.of_layers()
+            MainFrameEncoder(one, width, height, bit_depth, corrects_drift=False) for one in settings.of_layers()
         ]
         self.together = not settings.layers  # whether a P-frame's layers are fitted with those above them
         if settings.layers:  # each may need all splats that there is room for
