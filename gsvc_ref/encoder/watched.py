@@ -1,9 +1,9 @@
-"""What the search for a P-frame of profile `main` evaluates: all pixels, or some of them in turns; each is told."""
+"""What the search for a P-frame of profile `main` evaluates: all pixels, or some of them in turns."""
 
-from collections.abc import Callable
 from typing import Any, Final
 
 from gsvc_base.arrays import F4
+from gsvc_ref.encoder.main.target import OnEvaluation
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective, SampledObjective
 
@@ -12,27 +12,13 @@ QUARTER_FROM: Final = 160.0
 """Half of the pixels are looked at in turns from the first number of pixels for each splat on, and a quarter from the
 second on. With fewer the search follows what single pixels say, and that costs bits."""
 
-OnEvaluation = Callable[[float], None]
-"""Called with the loss of each evaluation."""
-
 
 def watched_objectives(
     picture: F4, beside: F4, splats: int, settings: Settings, on_evaluation: OnEvaluation
 ) -> tuple[Objective, SampledObjective]:
     """The objective of a picture (H, W, 3) f4, and the one that looks at a part of its pixels in turns.
 
-    Parameters
-    ----------
-    picture
-        The new picture.
-    beside
-        (B, 8) f4, splats that are in it beside those that are searched.
-    splats
-        How many there are in all, at least 1.
-    settings
-        Threads and precision.
-    on_evaluation
-        Called after each evaluation of either.
+    `beside` (B, 8) f4 are splats that are in every picture beside those that are searched; `splats` >= 1 counts both.
     """
     pixels = picture[:, :, 0].size / splats
     down, right = (2 if pixels >= least else 1 for least in (HALF_FROM, QUARTER_FROM))

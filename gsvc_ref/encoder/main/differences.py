@@ -31,7 +31,7 @@ MOMENTUM: Final = 0.95  # of proximal descent
 SPARSITY: Final = 0.4  # weight of the L1 term
 MOST_STEP: Final = 1.5  # longest gradient step of a component of q in proximal descent
 MOST_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnitudes
-NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than so many of both deviations
+NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than this many of both deviations
 NEAR_SQUARE: Final = 18.0  # and where the squared distance, in units of both covariances, is below this: e^-9
 
 GX, GS, GY, LOG_SIZE, SHEAR = range(5)
@@ -147,25 +147,11 @@ def proximal_step(anchors: Anchors, at: Iterate, g: F4, price: float) -> None:
             put_value(anchors, i, y[i], z, parameters[i])
 
 
-@kernel()
 def idle(anchors: Anchors, at: Iterate, g: F4, price: float) -> NDArray[np.bool_]:
     """Which splats (N,) have no difference, and would have none after a `proximal_step` at this price."""
-    q, y, parameters, length = at
-    out, step = np.empty(len(q), np.bool_), np.empty(8)
-    for i in range(len(q)):
-        out[i] = True
-        for k in range(8):
-            out[i] &= q[i, k] == 0 and y[i, k] == 0
-        if not out[i]:
-            continue
-        put_slope(anchors, i, y[i], parameters[i], g[i], step)
-        for group in range(3):
-            square = 0.0
-            for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
-                value = length[i] * max(abs(step[k]) - SPARSITY, 0.0)
-                square += value * value
-            out[i] &= square < 2 * length[i] * price
-    return out
+    after = Iterate(at.q.copy(), at.y.copy(), at.parameters.copy(), at.length)
+    proximal_step(anchors, after, g, price)
+    return np.asarray(~(at.q.any(axis=1) | at.y.any(axis=1) | after.q.any(axis=1)))
 
 
 @kernel()

@@ -32,7 +32,7 @@ from gsvc_ref.main.motion import field_shape
 from gsvc_ref.rendering import SampledObjective
 
 UNITS: Final = 4  # vectors are in units of 1/4 px
-LONGEST_VECTOR: Final = 4096  # longest component of a vector that is looked at, in units
+LONGEST_VECTOR: Final = 2047  # longest component of a vector in units, so that every difference of two has a class
 
 PAIRS: Final = ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
 """The neighbors (down, right) of a cell of which H is kept; the others follow by symmetry."""
@@ -42,7 +42,7 @@ NEXT: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))  # what lies next to a cell (do
 PAIRS_OF_CORNERS: Final = ((0, 1, 3, 4), (1, 0, 2, 3), (3, 2, 0, 1), (4, 3, 1, 0))
 """By which of PAIRS two of four cells lie to each other that stand around a point, row by row."""
 
-FLOW_SPACING: Final = 8  # the optical flow is read every so many pixels
+FLOW_SPACING: Final = 8  # distance in pixels of the points where the optical flow is read
 LONGEST_STEP: Final = 8.0  # longest Gauss-Newton step of a component, in units
 
 FIRST_DAMPING: Final = 0.3
@@ -86,7 +86,7 @@ def best_field(
     """
     search = _Search(objective, reference, BIT_PRICE * D * D)
     worth = settings.cell_gain * len(reference)
-    best = Field(0, np.zeros((1, 1, 2), np.int64), search.error_of_none)
+    best = Field(0, np.zeros((0, 0, 2), np.int64), search.error_of_none)
     least, coarser = worth * float(log2(max(best.error, 1.0))), math.inf
     vectors, coarse_cell = np.zeros((0, 0, 2)), 0
     for cell in settings.cells:

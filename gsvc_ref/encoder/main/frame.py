@@ -2,13 +2,12 @@
 
 What is asked for decides N and D, the splats and the step of a frame:
 
-- Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
+- At constant rate, an I-frame has N splats, and `quantizer_for` says which D goes with them.
 - With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
-In the first two P-frames have the D of their I-frame; without a quality it becomes finer where P-frames sink
-(`drift`).
+In the first two P-frames have the D of their I-frame; at constant rate it becomes finer where P-frames sink (`drift`).
 """
 
 import math
@@ -58,22 +57,19 @@ MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in d
 
 FALLEN_DB: Final = 1.0
 PASS_GAIN: Final = 0.3
-"""Where the source stays the same, a P-frame that has so many dB less than its I-frame is worked on again, as long as
-each pass gains so many."""
+"""Where the source stays the same, a P-frame that is the first number of dB below its I-frame is worked on again, as
+long as each pass gains the second."""
 
 
 @dataclass(frozen=True)
 class _Coded:
-    """A frame in codes, what a decoder makes of it, its PSNR of at most MOST_PSNR, and the bits of its body.
-
-    `field` is that of a P-frame.
-    """
+    """A frame in codes, with what a decoder makes of it."""
 
     codes: MainCodes
     state: MainState
-    psnr: float
-    bits: int
-    field: Field | None
+    psnr: float  # in dB, at most MOST_PSNR
+    bits: int  # of its body
+    field: Field | None  # of a P-frame
 
 
 class MainFrameEncoder:
@@ -234,7 +230,7 @@ class _FrameWork:
         return self._finished(coded)
 
     def _searched(self, splats: int, quantizer: int | None) -> _Coded:
-        """An I-frame of about so many splats."""
+        """An I-frame of about this number of splats."""
         return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.main_intra))
 
     def _rng(self) -> np.random.Generator:
@@ -273,7 +269,7 @@ class _FrameWork:
         return most_spared(without, coded, len(weakest), goal)
 
     def _inter(self, quantizer: int) -> _Coded:
-        """A P-frame with a quantiser."""
+        """A P-frame with a quantizer."""
         encoder, settings = self.encoder, self.settings
         assert encoder.before is not None
         above = encoder.above.to_array()

@@ -39,7 +39,6 @@ from gsvc_ref.rendering import Objective, SampledObjective
 LENGTH: Final = 0.5  # the step of a splat in proximal descent is this over its crowding, within the next two
 LEAST_LENGTH: Final = 0.02
 MOST_LENGTH: Final = 0.3
-MOST_VECTOR: Final = 2047  # longest vector in quarter pixels along x or y, so that every difference of two has a class
 
 WORTH: Final = 1.0  # a splat is removed where the squared error does not rise by this many D^2 without it
 NEW_GAIN: Final = 9.0  # a new splat must promise to take more than this off the squared error, in D^2
@@ -54,7 +53,7 @@ PRICE: Final = 0.9  # what a group costs that has any difference, in 2 D^2
 FIRST_SHARE: Final = 0.3  # the price begins with this share of it
 
 LOOK: Final = 10
-"""After so many iterations of proximal descent it is asked which splats rest, and whether more are worth their time."""
+"""Every so often, in iterations, proximal descent asks which splats rest, and whether more iterations are worth it."""
 
 REST: Final = 0.25
 """A splat rests if it has no difference, and its next step would have to have a squared length of more than this share
@@ -62,7 +61,7 @@ of what it has to bring one about. Where little moves, descent takes half the ti
 stayed the same within what seeds scatter by, with shares of 0.25 and 0.5."""
 
 MOST_TIMES: Final = 6  # most iterations of proximal descent, in units of `InterSettings.iterations`
-PRUNING_INTERVAL: Final = 5  # weak new splats are dropped every so many iterations
+PRUNING_INTERVAL: Final = 5  # distance in iterations of the times when weak new splats are dropped
 ROUNDING_OFFSET: Final = 0.4  # differences are rounded away from 0 from 1 - offset on
 
 
@@ -87,21 +86,17 @@ class PFrame:
 
 def encode_inter(frame: PFrame, settings: InterSettings) -> tuple[MainCodes, Field]:
     """The codes of a P-frame, and its field, which may come close to that of the next one."""
-    values, state = frame.state.values, frame.state
+    state = frame.state
     reference, pictures = state.splats.to_array(), (frame.before, frame.after)
     field = best_field(frame.sampled, reference, pictures, frame.previous, settings, frame.step / 16)
-    motion, vectors = np.zeros((len(values), 2), np.int64), np.zeros((0, 0, 2), np.int64)
-    if field.cell:
-        vectors = np.clip(field.vectors, -MOST_VECTOR, MOST_VECTOR)
-        motion = field_motion(values, vectors, field.cell)
-    q, removed, new = _Updates(frame, motion, settings).codes()
+    q, removed, new = _Updates(frame, field_motion(state.values, field.vectors, field.cell), settings).codes()
     new = new.take(cell_order(new.cells, state.width, state.height))
     densities = None
     if len(new) and state.densities is None:  # no splat was in the last I-frame
         densities = choose_densities(new, frame.step, state.width, state.height)
     codes = MainCodes(
         frame.quantizer, type="P", motion_cell=SIDES.index(field.cell), new=new, densities=densities,
-        vectors=vectors, modes=modes_of(q, removed), differences=np.where(removed[:, None], 0, q),
+        vectors=field.vectors, modes=modes_of(q, removed), differences=np.where(removed[:, None], 0, q),
     )  # fmt: skip
     return codes, field
 
@@ -120,7 +115,8 @@ class _Updates:
         q, y = np.zeros((2, len(motion), 8))
         self.at = differences.Iterate(q, y, parameters, length)
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
-        self.idle = np.zeros(len(motion), np.bool_)  # the splats at rest, which the objectives hold
+        self.none = np.zeros(len(motion), np.bool_)
+        self.idle = self.none  # the splats at rest, which the objectives hold
 
     def codes(self) -> tuple[I8, NDArray[np.bool_], IntraCodes]:
         """Descend, add, descend, round: the differences, which splats are removed, and the new ones."""
@@ -143,10 +139,10 @@ class _Updates:
         """One iteration of step 2, with the price of a group; the loss before it on the lattice of its turn."""
         looks = iteration > 0 and iteration % LOOK == 0
         if looks:
-            self._rest(None, self.frame.sampled)
+            self._rest(self.none, self.frame.sampled)
         new = to_parameters(self.new.z)
         loss, gradient, of_new = self._evaluate(new, iteration)
-        resting = differences.idle(self.anchors, self.at, gradient, REST * price) if looks else None
+        resting = differences.idle(self.anchors, self.at, gradient, REST * price) if looks else self.idle
         differences.proximal_step(self.anchors, self.at, gradient, price)
         self.new.step(new, of_new, self.scale)
         if looks:
@@ -163,9 +159,9 @@ class _Updates:
         z = best_candidates(-objective.residual(), sizes, least, most, objective.threads)
         self.new = NewSplats(z, self.D, self.width, self.height)
 
-    def _rest(self, resting: NDArray[np.bool_] | None, *objectives: Objective | SampledObjective) -> None:
-        """Let the splats (N,) bool rest, None: none, and no others; the objectives hold them as they are."""
-        self.idle = np.zeros(len(self.motion), np.bool_) if resting is None else resting
+    def _rest(self, resting: NDArray[np.bool_], *objectives: Objective | SampledObjective) -> None:
+        """Let the splats (N,) bool rest, and no others; the objectives hold them as they are."""
+        self.idle = resting
         for objective in objectives:
             objective.hold(self.at.parameters[self.idle])
 
@@ -215,7 +211,7 @@ class _Updates:
             differences.rounded_step(self.anchors, at, gradient, ROUNDING_OFFSET, mask)
             self.new.step(drawn, of_new, self.scale)
             self._decoded()
-        self._rest(None, *objectives)
+        self._rest(self.none, *objectives)
         at.y[:] = best
         removed = self._added_by_removal(self._decoded(), new) < WORTH
         return best, removed, new.take(np.flatnonzero((new.colors != 0).any(axis=1)))

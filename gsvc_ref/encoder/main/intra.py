@@ -38,7 +38,7 @@ LAYER_COARSER: Final = 7
 """By how many steps of an eighth of an octave D of a layer is greater than `quantizer_for` its splats; measured.
 
 What a base leaves of a picture is faint, and so are the splats fitted to it. The D that suits is about that of a whole
-picture of the same quality: a layer of 300 splats on a base of 200 took 15.9 kbit in all for 33.2 dB with 4 more steps
+picture of the same PSNR: a layer of 300 splats on a base of 200 took 15.9 kbit in all for 33.2 dB with 4 more steps
 than its own rule has, and 18.3 for 33.7 with none, where one layer takes 13.8 and 15.0.
 """
 
@@ -96,8 +96,8 @@ def quantizer_for(z: F8) -> int:
 
     A bit is best spent either on a splat more or on finer steps of all. Both give the same where the median of the
     splats' energies E, before any is removed for its bits, is MEDIAN_ENERGY times D: then some 10 to 30 % of them turn
-    out not to be worth their bits, for any picture and quality. A finer D is waste on splats too few, a coarser one
-    removes more of them. For a quality that is asked for, N is what is searched (`splats_for`).
+    out not to be worth their bits, for any picture and PSNR. A finer D is waste on splats too few, a coarser one
+    removes more of them. Where the quality gives D, N is what is searched (`splats_for`).
     """
     if len(z) == 0:
         return MIDDLE_QUANTIZER

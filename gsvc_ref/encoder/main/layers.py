@@ -1,4 +1,4 @@
-"""Encoding frame after frame in profile `main` with layers, each in a closed loop of its own (spec.md section 15.13).
+"""Encoding frame after frame in profile `main` with layers, each in its own closed loop (spec.md section 15.13).
 
 Layer l is coded as the base is, with what is below it as a constant background: its splats are fitted to what the base
 and the layers up to l - 1 leave of the frame. It is predicted from itself, so no layer depends on the bits of another.

@@ -22,7 +22,7 @@ from gsvc_ref.encoder.main.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, R
 from gsvc_ref.encoder.main.fitter import keep_inside
 from gsvc_ref.rendering.fast.threads import run_tasks
 
-CUTOFF: Final = 3.0  # candidates are cut off at so many deviations
+CUTOFF: Final = 3.0  # candidates are cut off at this many deviations
 
 FIRST_DECAY: Final = 0.9
 SECOND_DECAY: Final = 0.95

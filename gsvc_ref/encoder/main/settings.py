@@ -55,7 +55,7 @@ class InterSettings:
     new_share: float = 0.1
     """Most new splats of a frame, as a share of the clip's number."""
     fall: float = 1.5
-    """Constant rate: D becomes finer once a P-frame has so many dB less than the first one after its I-frame. What is
+    """Constant rate: D becomes finer once a P-frame has this many dB less than the first one after its I-frame. What is
     not worth its bits adds up: without this, the last third of the 22 frames before the demo clip's cut was 2.1 dB
     below the first. 200 leaves D as it is."""
 

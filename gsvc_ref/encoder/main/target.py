@@ -35,7 +35,7 @@ LEAST_SIDE: Final = 32  # smallest width and height in pixels of a reduced pictu
 
 
 def step_for(width: int, height: int, splats: int) -> int:
-    """1, 2 or 4: how many times smaller a picture may be on which so many splats are fitted."""
+    """1, 2 or 4: how many times smaller a picture may be on which this many splats are fitted."""
     for pixels, step in PIXELS_OF_STEPS:
         if width * height > pixels * max(splats, 1) and min(width, height) >= step * LEAST_SIDE:
             return step
@@ -75,11 +75,9 @@ def resized(parameters: F4, factor: float) -> F4:
 class Target:
     """A picture to be described, with the squared error of splats in units of 8 bits.
 
-    While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared
-    error is always that of the whole picture, or about that.
-
-    `base` (B, 8) f4 are splats that are in every picture, such as those of a lower layer; `on_evaluation` is called
-    after each evaluation.
+    While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared error is always that
+    of the whole picture, or about that. `base` (B, 8) f4 are splats that are in every picture, such as those of a lower
+    layer; `on_evaluation` is called after each evaluation.
     """
 
     def __init__(
@@ -110,7 +108,7 @@ class Target:
         return to_coordinates(self._size.new_splats(count, total, rng))
 
     def resize(self, splats: int | None = None) -> bool:
-        """Evaluate from now on at the size that does for so many splats, None: the full one; whether that is another.
+        """Evaluate from now on at the size that does for this many splats, None: the full one; whether it is another.
 
         A picture with a base stays as large as it is; one in which splats are held is to be of the full size.
         """

@@ -161,7 +161,7 @@ def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> Non
             sampled = SampledObjective(target, 1, down=down, right=right)
             field = best_field(sampled, reference, (before, target), None, FIELD_ONLY, math.sqrt(500 / BIT_PRICE))
             assert (field.cell > 0) == (wanted != (0, 0))
-            assert np.abs(field.vectors - wanted).mean() < 2
+            assert field.cell == 0 or np.abs(field.vectors - wanted).mean() < 2
 
 
 @pytest.mark.parametrize("lattice", LATTICES)
