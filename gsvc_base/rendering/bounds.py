@@ -142,7 +142,12 @@ class SumBound:
 def render_exact_with_bound(splats: Splats | ArrayLike, width: int, height: int) -> tuple[F8, F8]:
     """The exact sum and how far a binary32 renderer may be from it in each element (the derivation is above).
 
-    The splats are `Splats`, or an array (N, 8) f4 of their parameters.
+    Parameters
+    ----------
+    splats
+        The splats, or their parameters (N, 8) f4.
+    width, height
+        Size of the frame in pixels.
 
     Returns
     -------
@@ -177,6 +182,8 @@ def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8,
 
     Parameters
     ----------
+    splats
+        The splats.
     residual
         (H, W, 3), dL/dC.
 
