@@ -8,6 +8,7 @@ from gsvc_base.splats import scale_parameters as scale_parameters
 from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
 from gsvc_ref.bitstream.planes import decode_plane as decode_plane
 from gsvc_ref.bitstream.rans import encode_plane as encode_plane
+from gsvc_ref.bitstream.work import rendering_work as rendering_work
 from gsvc_ref.encoder import IncompleteEncodeError as IncompleteEncodeError
 from gsvc_ref.encoder import Settings as Settings
 from gsvc_ref.encoder import encode as encode
@@ -42,7 +43,6 @@ from gsvc_ref.rendering import render_frame as render_frame
 from gsvc_ref.rendering import render_gradients as render_gradients
 from gsvc_ref.rendering import render_sum as render_sum
 from gsvc_ref.rendering import render_sum_deterministic as render_sum_deterministic
-from gsvc_ref.rendering import rendering_work as rendering_work
 from gsvc_ref.rendering import to_frame as to_frame
 from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
 from gsvc_ref.stream import Gap as Gap

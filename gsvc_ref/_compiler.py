@@ -1,6 +1,9 @@
-"""Numba, set up: which variables of the environment it cannot use, and how wide the vectors are that it makes."""
+"""Numba, set up: which variables it cannot use, how wide its vectors are, and how it gets to know kernels."""
 
 import os
+from collections import deque
+from collections.abc import Callable
+from threading import Lock
 from typing import Any, Final
 
 from gsvc_base.errors import UsageError
@@ -14,7 +17,38 @@ except ValueError as error:
 
 from numba.core import codegen
 
-__all__ = ["numba"]
+from gsvc_ref._kernel_cache import keep
+
+__all__ = ["compiled", "numba"]
+
+_lock = Lock()
+
+
+Part = tuple[Callable[..., Any], Callable[..., Any], dict[str, Any]]
+"""A kernel that others may call: its name in them, the function that it means, and the options for the compiler."""
+
+
+def compiled(function: Callable[..., Any], options: dict[str, Any], parts: deque[Part]) -> Any:
+    """A function that is compiled when it is called; `parts` are other kernels that it may call, which it takes."""
+    njit: Any = numba.njit
+    with _lock:
+        while parts:
+            _tell(*parts.popleft())
+        return keep(njit(**options)(function))
+
+
+def _tell(call: Callable[..., Any], function: Callable[..., Any], options: dict[str, Any]) -> None:
+    """Have kernels that call a part compile it with themselves.
+
+    As a dispatcher it would also get a function that takes Python's objects, and a file for it on disk.
+    """
+
+    def meant(*arguments: Any, **named: Any) -> Callable[..., Any]:
+        return function
+
+    overload: Any = numba.extending.overload
+    overload(call, jit_options=options, strict=False)(meant)
+
 
 PREFER_256: Final = frozenset(
     {

@@ -1,18 +1,34 @@
-"""One typed decorator around Numba, so that every kernel is compiled by the same rules."""
+"""One typed decorator for Numba, so that every kernel is compiled by the same rules.
+
+Numba is loaded when Python first calls a kernel: what only imports kernels, or reads small streams, does without.
+"""
 
 import functools
+import os
 import types
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Final, ParamSpec, TypeVar, cast
 
-from gsvc_ref._compiler import numba
-from gsvc_ref._kernel_cache import keep
+import numpy as np
 
 P = ParamSpec("P")
 R = TypeVar("R")
 
-config: Any = numba.config
+DISABLED: Final = os.environ.get("NUMBA_DISABLE_JIT", "").strip() not in ("", "0")
 OPTIONS: Final = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+SMALL_TO_READ: Final = 1 << 14
+SMALL_TO_COPY: Final = 1 << 20
+"""Bytes of streams that plain Python decodes, or checks and copies, in the time that Numba takes to load."""
+
+_plain: Final = ContextVar("_plain", default=False)
+
+
+_parts: Final[deque[tuple[Callable[..., Any], Callable[..., Any], dict[str, Any]]]] = deque()
+"""Kernels that Numba does not know of yet."""
 
 
 def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -30,7 +46,7 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
-        if config.DISABLE_JIT:
+        if DISABLED:
             return function
         # Where nothing is said about contraction, Numba compiles a kernel as it does the one that calls it first.
         options: Any = OPTIONS | {"fastmath": {"contract"} if contract else False}
@@ -39,18 +55,15 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
 
         @functools.cache  # most kernels are never called from Python
         def dispatcher() -> Any:
-            return keep(numba.njit(**options)(function))
+            from gsvc_ref._compiler import compiled
+
+            return compiled(function, options, _parts)
 
         @functools.wraps(function)
         def call(*arguments: P.args, **named: P.kwargs) -> R:
-            return cast(R, dispatcher()(*arguments, **named))
+            return cast(R, (function if _plain.get() else dispatcher())(*arguments, **named))
 
-        # Kernels that call this one compile it as part of themselves. The dispatcher would also make a function that
-        # takes Python's objects, and keep it on disk: half of the time of a first start.
-        @numba.extending.overload(call, jit_options=options, strict=False)
-        def part(*arguments: Any, **named: Any) -> Callable[P, R]:
-            return function
-
+        _parts.append((call, function, options))
         call.__dict__["dispatcher"] = dispatcher
         return call
 
@@ -73,3 +86,19 @@ def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P,
     twin.__qualname__ = name  # Numba's cache knows functions by it
     twin.__module__ = plain.__module__
     return kernel(inline=True)(cast(Callable[P, R], twin))
+
+
+@contextmanager
+def plain_kernels() -> Iterator[None]:
+    """Run kernels as plain Python inside the block: those that read and reconstruct give the same bits either way."""
+    token = _plain.set(True)
+    try:
+        with np.errstate(all="ignore"):  # compiled kernels do not warn either
+            yield
+    finally:
+        _plain.reset(token)
+
+
+def are_plain() -> bool:
+    """Whether kernels run as plain Python here."""
+    return DISABLED or _plain.get()

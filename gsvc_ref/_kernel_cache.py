@@ -15,7 +15,6 @@ from functools import cache
 from glob import glob
 from hashlib import sha256
 from pathlib import Path
-from threading import Lock
 from typing import Any, Final
 
 from numba import config, version_info
@@ -33,18 +32,18 @@ WITHOUT_KERNELS: Final = ("cli", "exact", "pages", "testing")
 TESTED: Final = (0, 61) <= version_info.short <= (0, 68)
 """Whether Numba is one of those whose inside the tests have seen. Another reads its cache in its own way."""
 
-_setting = Lock()
-
 
 def keep(dispatcher: Any) -> Any:
     """Let Numba keep what a dispatcher compiles in our folder; its own setting, of the whole process, stays."""
+    settings: Any = config
+    if settings.DISABLE_JIT:  # it is the function
+        return dispatcher
     function = dispatcher.py_func
     folder = kernel_folder(function.__module__.partition(".")[0])
     if folder is None:
         return dispatcher
-    settings: Any = config
     cached: Any = KernelCache
-    with _setting, suppress(OSError, RuntimeError):  # the folder went away, or the function stands in no file
+    with suppress(OSError, RuntimeError):  # the folder went away, or the function stands in no file
         before, settings.CACHE_DIR = settings.CACHE_DIR, str(folder)
         try:
             kept: Any = cached(function)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numba.core import event
 
-from gsvc_ref._jit import kernel
+from gsvc_ref._jit import are_plain, kernel, plain_kernels
 
 
 @kernel(inline=True)
@@ -56,6 +56,14 @@ def test_a_kernel_is_described_as_its_function():
     assert (plus.__name__, plus.__doc__, plus.__module__) == ("plus", "Add.", __name__)
 
 
+def test_kernels_are_plain_python_where_that_is_asked_for():
+    with plain_kernels():
+        assert are_plain()
+        assert filled([1, 2**70], 2**70) == 2**70 + 4
+        assert plus(np.int64(2**63 - 1), np.int64(1)) == -(2**63)  # as compiled, without a warning
+    assert not are_plain()
+
+
 def test_arrays_that_a_part_makes_belong_to_its_caller():
     array = allocated(3)
     assert array.tolist() == [2.5] * 3
@@ -95,4 +103,5 @@ def test_a_kernel_in_a_function_works_and_is_not_kept():
 
 
 def test_kernels_are_parts_of_functions_that_others_compile():
+    plus.dispatcher()
     assert numba.njit(lambda x: plus(x, 1.0) + 1)(2) == 4

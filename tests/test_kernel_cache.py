@@ -269,7 +269,7 @@ def test_the_folder_changes_with_the_contents_of_any_source(places):
 def test_folders_without_kernels_have_none():
     package = _kernel_cache.PACKAGE
     sources = {path: path.read_text(encoding="utf-8") for path in package.rglob("*.py")}
-    users = {path.relative_to(package).parts[0] for path, text in sources.items() if "gsvc_ref._jit" in text}
+    users = {path.relative_to(package).parts[0] for path, text in sources.items() if "@kernel(" in text}
     assert {"rendering", "paper"} <= users
     assert not users & set(_kernel_cache.WITHOUT_KERNELS)
 

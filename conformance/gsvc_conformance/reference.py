@@ -6,21 +6,19 @@
 
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Final
 
 from gsvc_conformance.operation import Values, operations
 
-RENDERING: Final = "gsvc_ref.rendering"
-"""A module that needs all packages of gsvc_ref: beside a checkout gsvc_ref itself is always there."""
+COMPILER: Final = "gsvc_ref._compiler"
+NEEDED: Final = ("gsvc_ref", "numba")
+"""The second is loaded by that module of the first: beside a checkout gsvc_ref itself is always there."""
 
 
 def is_installed() -> bool:
     """Whether gsvc_ref and its packages are there."""
-    try:
-        import_module(RENDERING)
-    except ModuleNotFoundError:
-        return False
-    return True
+    return all(map(find_spec, NEEDED))
 
 
 def namespace() -> dict[str, Callable[..., Values]]:
@@ -31,7 +29,7 @@ def namespace() -> dict[str, Callable[..., Values]]:
     ModuleNotFoundError
         gsvc_ref or one of its packages is not installed.
     """
-    import_module(RENDERING)
+    import_module(COMPILER)
     return {name: operation.reference for name, operation in operations().items()}
 
 

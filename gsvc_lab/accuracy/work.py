@@ -13,6 +13,7 @@ from gsvc_base.splats import Splats
 from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.encoder.main.edges import NEW_SIZE
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, PaperSettings
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
@@ -37,7 +38,6 @@ from gsvc_ref.training import (
     uniform_numbers,
 )
 from gsvc_ref.training.augmentation import residual_splats
-from gsvc_ref.training.edges import NEW_SIZE
 
 QUICK_FIT: Final = FitSettings(
     iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), schedule=Cosine(steps=150, final=0.02),

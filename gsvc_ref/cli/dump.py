@@ -56,9 +56,9 @@ def run(arguments: Namespace) -> int:
     if arguments.at is not None and (arguments.frames or arguments.all):
         raise UsageError("--at names one element; leave --frames and --all away")
     check_input(arguments.input)
-    from gsvc_ref.cli.compilation import compilation_notice  # after the check: it imports the compiler
+    from gsvc_ref.cli.compilation import reading
 
-    with compilation_notice(GSVC_DUMP, silent=arguments.json):
+    with reading(GSVC_DUMP, arguments.input, silent=arguments.json):
         return _at(arguments) if arguments.at is not None else _list(arguments)
 
 

@@ -45,12 +45,12 @@ def add_command(commands: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Print the information; 0, or 1 for a damaged stream."""
     check_input(arguments.input)
-    from gsvc_ref.cli.compilation import compilation_notice  # after the check: it imports the compiler
+    from gsvc_ref.cli.compilation import reading
 
     name = display_name(arguments.input)
     try:
         with (
-            compilation_notice(GSVC_INFO, silent=arguments.json),
+            reading(GSVC_INFO, arguments.input, silent=arguments.json),
             open_stream(arguments.input, salvage=arguments.salvage, max_level=arguments.max_level) as stream,
         ):
             video, notes, summary = stream.format, stream.notes, stream.info(salvage=arguments.salvage)

@@ -132,6 +132,7 @@ class KeyFrameSelector:
         return is_key
 
 
+# twin of spec.select_key_frames
 @door
 def select_key_frames(
     losses_i: Sequence[float],

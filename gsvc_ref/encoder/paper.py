@@ -17,6 +17,7 @@ from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
 from gsvc_ref.encoder.held_quality import ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
 from gsvc_ref.encoder.log import OFF, FrameLog
 from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
 from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
@@ -38,7 +39,6 @@ from gsvc_ref.training import (
     random_splats,
     uniform_numbers,
 )
-from gsvc_ref.training.motion import estimated_motion
 from gsvc_ref.training.settings import MOST_THRESHOLD
 
 NEW_DROP: Final = 1.0

@@ -1,8 +1,7 @@
 """From splats to pixels and back to gradients (spec.md sections 9, 10.2, 10.3 and 13).
 
 `gsvc_base.rendering` says in binary64 what a picture is, and how far a binary32 renderer may be from it.
-`deterministic` says in which order operations come where every bit is fixed, and `work` how much a frame asks of a
-renderer. `renderer`,
+`deterministic` says in which order operations come where every bit is fixed. `renderer`,
 `sequence`, `objective` and `sampled` are what the rest of the package calls; they compute on the machine in `fast`.
 `pictures` and `losses` are single operations on pictures.
 """
@@ -24,7 +23,6 @@ from gsvc_ref.rendering.renderer import (
 )
 from gsvc_ref.rendering.sampled import SampledObjective
 from gsvc_ref.rendering.sequence import SequenceRenderer
-from gsvc_ref.rendering.work import rendering_work
 
 __all__ = [
     "LN_255",
@@ -45,7 +43,6 @@ __all__ = [
     "render_gradients",
     "render_sum",
     "render_sum_deterministic",
-    "rendering_work",
     "to_frame",
     "to_frame_deterministic",
 ]

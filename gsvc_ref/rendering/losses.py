@@ -21,6 +21,7 @@ class Loss(NamedTuple):
     """(H, W, 3), e of (10-2)."""
 
 
+# twin of spec.loss
 @door
 def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     """The loss of a picture against its target (10-1), and dL/dC (10-2); R-10.2-1.

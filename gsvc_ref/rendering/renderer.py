@@ -24,23 +24,7 @@ MAX_SIDE: Final = 65536
 class Renderer:
     """Renders set after set of splats at one size, and keeps its buffers between the calls.
 
-    One renderer serves one thread at a time.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    precision
-        As for `render`.
-    threads
-        Threads to use, None for one per CPU. The results have the same bits for any number.
-    region_rows
-        Rows that are rendered at a time, None for all. The results have the same bits for any number.
-
-    Raises
-    ------
-    UsageError
-        The size or an option is outside its limits.
+    The results have the same bits for any number of threads and rows. One renderer serves one thread at a time.
     """
 
     def __init__(
@@ -50,7 +34,7 @@ class Renderer:
         *,
         precision: Precision = "fast",
         threads: int | None = None,
-        region_rows: int | None = None,
+        region_rows: int | None = None,  # rows that are rendered at a time; None: all
     ) -> None:
         _check_size(width, height)
         check_precision(precision)
@@ -138,6 +122,7 @@ def render(
     return Renderer(width, height, precision=precision, threads=threads).picture(Splats.of(splats))
 
 
+# twin of spec.render_sum
 @door
 def render_sum(
     parameters: Splats | ArrayLike,
@@ -157,6 +142,7 @@ def render_sum(
     return renderer.picture(splats, clamp=False)
 
 
+# twin of spec.render_sum_deterministic
 @door
 def render_sum_deterministic(
     parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
@@ -167,6 +153,7 @@ def render_sum_deterministic(
     )
 
 
+# twin of spec.render_frame
 @door
 def render_frame(
     parameters: Splats | ArrayLike,
@@ -184,6 +171,7 @@ def render_frame(
     return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 
 
+# twin of spec.render_gradients
 @door
 def render_gradients(
     parameters: Splats | ArrayLike, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None

@@ -15,10 +15,10 @@ from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.bitstream.times import TIMES, read_times, times
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.frames import Body, MainState
 from gsvc_ref.main.layers import Layers, layer_body, layer_head
 from gsvc_ref.paper import FrameType
-from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.profiles import AnyCodes, AnyState, Parsed, profile_of

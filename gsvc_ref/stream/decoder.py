@@ -6,7 +6,7 @@ from contextlib import closing, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
-from typing import BinaryIO, Final, Self
+from typing import TYPE_CHECKING, BinaryIO, Final, Self
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
@@ -15,13 +15,15 @@ from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
 from gsvc_ref.bitstream.times import FrameTimes
-from gsvc_ref.rendering import Precision, SequenceRenderer, rendering_work
-from gsvc_ref.rendering.fast.threads import thread_count
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.stream.ahead import read_ahead
 from gsvc_ref.stream.decoded import DecodedFrame, Gap, StreamSummary
 from gsvc_ref.stream.formats import format_notes, video_format
 from gsvc_ref.stream.reader import StreamReader
 from gsvc_ref.video import VideoFormat
+
+if TYPE_CHECKING:
+    from gsvc_ref.rendering import Precision
 
 HIGHEST: Final = LEVELS[max(LEVELS)]
 """The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
@@ -146,7 +148,7 @@ def decode(
     start: int = 0,
     stop: int | None = None,
     scale: float = 1.0,
-    precision: Precision = "fast",
+    precision: "Precision" = "fast",
     threads: int | None = None,
     on_gap: Callable[[Gap], None] | None = None,
     max_level: int = HIGHEST_LEVEL,
@@ -185,6 +187,8 @@ def decode(
     UsageError
         An argument is out of range, or a pipe is to be salvaged.
     """
+    from gsvc_ref.rendering.fast.threads import thread_count
+
     opened = nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level, layer=layer)
     with opened as stream:
         if on_gap is not None:
@@ -209,10 +213,12 @@ def rendered(
     frames: Iterator[DecodedFrame],
     header: SequenceHeader,
     scale: float,
-    precision: Precision,
+    precision: "Precision",
     threads: int | None,
 ) -> Generator[Frame, None, None]:
     """The picture of each frame as it is taken from `frames`; all else as of `decode`."""
+    from gsvc_ref.rendering import SequenceRenderer
+
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
     last: Frame | None = None

@@ -13,10 +13,10 @@ from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head
-from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of

@@ -283,6 +283,7 @@ class FramePlanes(NamedTuple):
     cr: Plane
 
 
+# twin of spec.planes_to_frame
 @door
 def planes_to_frame(
     y: Plane,
@@ -316,6 +317,7 @@ def planes_to_frame(
     return to_rgb((y, cb, cr), _described(y.shape, chroma_format, *color, bit_depth))
 
 
+# twin of spec.frame_to_planes
 @door
 def frame_to_planes(
     frame: Frame,

@@ -46,10 +46,12 @@ def run(arguments: Namespace) -> int:
         check_input(name)
         check_output(arguments.output, name)
     check_stream_name(arguments.output, force=arguments.force)
-    from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
+    from gsvc_ref._jit import SMALL_TO_COPY
+    from gsvc_ref.cli.compilation import reading
 
+    silent = arguments.quiet or arguments.json
     try:
-        with compilation_notice(GSVC_CONCAT, silent=arguments.quiet or arguments.json):
+        with reading(GSVC_CONCAT, *arguments.inputs, silent=silent, small=SMALL_TO_COPY):
             report = _concat(arguments)
     except KeyboardInterrupt:
         say(GSVC_CONCAT, "interrupted; nothing was written")

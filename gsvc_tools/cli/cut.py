@@ -47,10 +47,12 @@ def run(arguments: Namespace) -> int:
     check_input(arguments.input)
     check_output(arguments.output, arguments.input)
     check_stream_name(arguments.output, force=arguments.force)
-    from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
+    from gsvc_ref._jit import SMALL_TO_COPY
+    from gsvc_ref.cli.compilation import reading
 
+    silent = arguments.quiet or arguments.json
     try:
-        with compilation_notice(GSVC_CUT, silent=arguments.quiet or arguments.json):
+        with reading(GSVC_CUT, arguments.input, silent=silent, small=SMALL_TO_COPY):
             from gsvc_tools.editing import cut
 
             source = sys.stdin.buffer if arguments.input == STDIO else arguments.input

@@ -20,11 +20,11 @@ from gsvc_base.arrays import Frame
 from gsvc_base.portable import log2, power
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import level_for
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import coder_of, frame_count_of, no_frames
-from gsvc_ref.rendering import rendering_work
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 from gsvc_tools.targets.budget import header_so_far

@@ -69,10 +69,7 @@ def test_decoders_that_disagree_are_told(monkeypatch):
 
 
 def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path, capsys):
-    def missing(name):
-        raise ModuleNotFoundError(name)
-
-    monkeypatch.setattr("gsvc_conformance.reference.import_module", missing)
+    monkeypatch.setattr("gsvc_conformance.reference.find_spec", lambda name: None)
     monkeypatch.setattr(check, "_reference_frames", None)  # whoever calls it fails
     bad = tmp_path / "bad.gsvc"
     bad.write_bytes(overview(Lie("frame_number", 9, 2)))

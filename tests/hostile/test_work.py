@@ -19,7 +19,7 @@ from gsvc_base.arrays import I8, U2
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.bitstream.rans import decode_kernel
-from gsvc_ref.rendering import rendering_work
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.rendering.fast.binning import Binning, windows_of
 from gsvc_ref.rendering.fast.projection import row_range
 from gsvc_ref.rendering.fast.tiles import GROUP_ROWS, TILE_WIDTH

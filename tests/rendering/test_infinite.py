@@ -8,14 +8,8 @@ import pytest
 from gsvc_base.constants import SUPPORT_SQUARED
 from gsvc_base.splats import Splats
 from gsvc_ref import spec
-from gsvc_ref.rendering import (
-    SequenceRenderer,
-    covered_pixels,
-    render_exact_with_bound,
-    render_gradients,
-    render_sum,
-    rendering_work,
-)
+from gsvc_ref.bitstream.work import rendering_work
+from gsvc_ref.rendering import SequenceRenderer, covered_pixels, render_exact_with_bound, render_gradients, render_sum
 from gsvc_ref.rendering.deterministic import gradients_plain, sum_plain, whitened
 
 ORDINARY = [8.25, 4.5, 3, 0.5, 2, 1, -1, 0.5]

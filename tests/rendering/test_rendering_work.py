@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from gsvc_base.splats import Splats
 from gsvc_ref import spec
-from gsvc_ref.rendering import rendering_work
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.testing import splat_sets
 
 

@@ -11,9 +11,10 @@ from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.splats import scale_parameters
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder import encode
 from gsvc_ref.paper import FrameCodes
-from gsvc_ref.rendering import render, rendering_work, to_frame
+from gsvc_ref.rendering import render, to_frame
 from gsvc_ref.stream import Gap, Stream, decode, decoder, scaled_size
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 

@@ -3,6 +3,7 @@
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -242,12 +243,14 @@ def _by_spec(data: bytes, on_frame: OnFrame) -> Outcome:
 
 def _by_reference(data: bytes, on_frame: OnFrame) -> Outcome:
     from gsvc_conformance.diagnosis.streams import element_at
+    from gsvc_ref._jit import SMALL_TO_READ, plain_kernels
 
     found = []
     try:
-        for number, frame in enumerate(_reference_frames(data)):
-            found.append(frame)
-            on_frame(REFERENCE, number)
+        with plain_kernels() if len(data) <= SMALL_TO_READ else nullcontext():
+            for number, frame in enumerate(_reference_frames(data)):
+                found.append(frame)
+                on_frame(REFERENCE, number)
     except GsvcError as fault:
         error = f"{fault.kind} {fault.rule} {fault.bit}"
         return Outcome(tuple(found), error, element_at(data, fault.bit or 0).partition(" of ")[0], fault.message)

@@ -12,9 +12,7 @@ In the first two P-frames have the D of their I-frame; without a quality it beco
 """
 
 import math
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -42,7 +40,9 @@ from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import MAX_SPLATS, MainSettings
+from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
@@ -51,7 +51,6 @@ from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
-from gsvc_ref.training.motion import estimated_motion
 
 P_TRIES: Final = 8  # constant quality: the most values of D that are tried for a P-frame
 
@@ -167,7 +166,7 @@ class _FrameWork:
         self.progress = progress
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
-        self.seconds: dict[str, float] = {}
+        self.seconds = StageSeconds()
         self.iterations = 0
         self.log = FrameLog()
 
@@ -176,7 +175,7 @@ class _FrameWork:
         before = self.encoder.state
         if why is not None:
             self.log.add("frames", why, done=False)
-        with self._timed("check"):
+        with self.seconds.timed("check"):
             achieved = self._psnr_of(before)
         codes = MainCodes.repeated_frame()
         return EncodedFrame(codes, before, achieved, self.iterations, self.seconds, self.log.decisions)
@@ -184,7 +183,7 @@ class _FrameWork:
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame; `reason` is why a P-frame became one, None where it was to be one."""
         encoder, settings = self.encoder, self.settings
-        with self._timed("intra"):
+        with self.seconds.timed("intra"):
             if settings.psnr is not None:
                 coded = self._held_intra(settings.psnr)
             else:
@@ -205,7 +204,7 @@ class _FrameWork:
         encoder, settings, reference = self.encoder, self.settings, self.encoder.state
         if len(reference.values) == 0:
             return self.intra("the frame before has no splats")
-        with self._timed("inter"):
+        with self.seconds.timed("inter"):
             coded = (
                 self._inter(encoder.quantizer)
                 if settings.psnr is None
@@ -341,12 +340,6 @@ class _FrameWork:
             self.progress("encode", done, count, psnr_of_loss(loss))
 
         return evaluated
-
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
 
 
 def _inter_encoder(settings: MainSettings) -> InterEncoder:

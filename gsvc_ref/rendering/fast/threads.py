@@ -12,19 +12,12 @@ from typing import Any
 
 from gsvc_base.errors import UsageError
 from gsvc_base.processors import processors
-from gsvc_ref._compiler import numba
 
 _pool: ThreadPoolExecutor | None = None
 
 
 def thread_count(threads: int | None) -> int:
-    """The number of threads to use: the argument, or one per CPU that this process may run on.
-
-    Raises
-    ------
-    UsageError
-        `threads` is less than 1.
-    """
+    """The number of threads to use: the argument, at least 1, or one per CPU that this process may run on."""
     if threads is None:
         return processors()
     if threads < 1:
@@ -36,7 +29,6 @@ def run_tasks(task: Callable[[int], None], tasks: int, threads: int | None = Non
     """Call task(0), ..., task(tasks - 1), on the calling thread and those of the pool that are free.
 
     Each thread takes the next task when it is done with one. At most `threads` have a part in it; None: any number.
-
     It returns, or raises what the tasks or Ctrl-C raised, when no task is at work any more: they write into memory that
     the caller will use again. Where there can be no more threads, as at the end of a process, the caller does it all.
     """
@@ -73,6 +65,8 @@ def _wait_for(others: list[Future[None]]) -> None:
 
 def _most_threads() -> int:
     """One per CPU, or what NUMBA_NUM_THREADS says."""
+    from gsvc_ref._compiler import numba
+
     config: Any = numba.config
     most: int = config.NUMBA_NUM_THREADS
     return most

@@ -22,7 +22,8 @@ from gsvc_conformance.reference import (
 )
 from gsvc_conformance.spec import namespace
 from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.rendering import Precision, rendering_work
+from gsvc_ref.bitstream.work import rendering_work
+from gsvc_ref.rendering import Precision
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter
 
 from .checks import (
