@@ -334,11 +334,12 @@ class _PaperFrame:
         return self._reconstructed(codes, state)
 
     def _intra_quantizer(self, count: int) -> BlockSettings:
-        """The quantisers of `count` new splats: in preset `quick` few of them have a codeword each, in one stage."""
+        """The quantisers of `count` new splats: in preset `quick` they have no more codewords in all than splats."""
         settings, block = self.settings.intra, self.settings.intra.quantizer
-        if isinstance(settings.fit, QuickFit) and 0 < count <= block.colors.codewords[0]:
-            return block.with_(color_stages=1, color_codewords=count)
-        return block
+        if not isinstance(settings.fit, QuickFit):
+            return block
+        stages, codewords = len(block.colors.codewords), block.colors.codewords[0]
+        return block.with_(color_codewords=min(codewords, max(1, count // stages)))
 
     def _reconstructed(self, codes: FrameCodes, state: State) -> EncodedFrame:
         """The frame, with the PSNR of what a decoder will show."""
