@@ -69,7 +69,7 @@ def read_stream(stream: bytes) -> StreamCodes:
     Returns
     -------
     StreamCodes
-        Flat arrays, from which a decoder of its own needs no syntax.
+        Flat arrays: a decoder that reads them needs no syntax.
 
     Raises
     ------
@@ -245,7 +245,7 @@ def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     Returns
     -------
     StreamSplats
-        `counts`, `parameters` and `error`, which is the first fault that was met on the way.
+        `counts`, `parameters` and `error`, which is the first fault.
     """
     return _splats_of(_frames_between(stream, first, last + 1))
 
