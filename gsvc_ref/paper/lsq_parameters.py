@@ -72,7 +72,7 @@ def from_range(x: ArrayLike, bits: int) -> LsqParameters:
 
 
 def from_mse(x: ArrayLike, bits: int, weights: ArrayLike | None = None) -> LsqParameters:
-    """Scale and offset with a small mean squared quantization error in each channel of x (N, C), N >= 1.
+    """Scale and offset with a small mean squared quantisation error in each channel of x (N, C), N >= 1.
 
     From 16 clipping ranges (4 fractions of the weight at either end), the codes and the least-squares scale and
     offset for these codes are found in turn; the best result wins. The first range is that of `from_range`, so the

@@ -77,6 +77,7 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
     count: int = min(intersections_of(t, bins) - skipped, batch.rows.shape[0])
     for i in range(count):
         n = bins.intersections[first + i, 0]
+        # The rows of this tile alone, fewer than those of the box around the splat.
         splat = bins.projected[n]
         rows = row_range(splat, t, height)
         batch.rows[i, 0] = rows[0]
