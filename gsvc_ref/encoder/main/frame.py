@@ -3,7 +3,7 @@
 What is asked for decides N and D, the splats and the step of a frame:
 
 - Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
-- With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
+- With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
@@ -41,7 +41,7 @@ from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.encoder.settings import MAX_SPLATS, MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
@@ -80,7 +80,7 @@ class MainFrameEncoder:
     """Encodes frames in order; `holds_level` says whether D may become finer where P-frames sink, at constant rate."""
 
     def __init__(
-        self, settings: Settings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
+        self, settings: MainSettings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
     ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
@@ -101,7 +101,7 @@ class MainFrameEncoder:
         # so that what they stand on goes where they will go.
         self.below, self.above = Splats.empty(), Splats.empty()
         self.holds_level = holds_level and settings.psnr is None and settings.quality is None
-        self._held_level = HeldLevel(settings.main_inter.fall, 0)
+        self._held_level = HeldLevel(settings.inter.fall, 0)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -148,7 +148,7 @@ class MainFrameEncoder:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
             self.intra_psnr = result.psnr
-            self._held_level = HeldLevel(self.settings.main_inter.fall, self.quantizer)
+            self._held_level = HeldLevel(self.settings.inter.fall, self.quantizer)
         elif result.codes.type == "P" and self.holds_level:
             self._held_level = self._held_level.after(result.psnr)
             self.quantizer = self._held_level.following(self.quantizer)
@@ -224,9 +224,9 @@ class _FrameWork:
         settings = self.settings
         rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
         found = encode_intra(
-            self.picture, splats, rng, quantizer, settings.main_intra, base=self.encoder.below.to_array(),
+            self.picture, splats, rng, quantizer, settings.intra, base=self.encoder.below.to_array(),
             threads=settings.threads, precision=settings.precision,
-            on_evaluation=self._watch(settings.main_intra.evaluations),
+            on_evaluation=self._watch(settings.intra.evaluations),
         )  # fmt: skip
         return self._decoded(found.codes, _inter_encoder(settings))
 
@@ -264,10 +264,10 @@ class _FrameWork:
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
         encoder, settings = self.encoder, self.settings
-        watch = self._watch(settings.main_intra.evaluations)
+        watch = self._watch(settings.intra.evaluations)
         rng = np.random.default_rng([settings.seed, self.number])
         target = Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
-        return splats_for(target, quantizer, rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most)
+        return splats_for(target, quantizer, rng, settings.intra, splats=encoder.total, most_splats=encoder.most)
 
     def _inter(self, quantizer: int) -> _Coded:
         """A P-frame with a quantiser."""
@@ -278,7 +278,7 @@ class _FrameWork:
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
         splats = len(encoder.state.values) + len(beside)
-        watch = self._watch(settings.main_inter.evaluations)
+        watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         inter = copy(encoder.inter)
         frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
@@ -342,9 +342,9 @@ class _FrameWork:
         return evaluated
 
 
-def _inter_encoder(settings: Settings) -> InterEncoder:
+def _inter_encoder(settings: MainSettings) -> InterEncoder:
     """An encoder of the P-frames behind an I-frame, with the effects that are switched on."""
-    inter, effects = settings.main_inter, settings.effects
+    inter, effects = settings.inter, settings.effects
     if effects.motion == "off":
         inter = replace(inter, cells=())
     if effects.gsa == "off":
