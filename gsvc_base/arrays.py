@@ -27,13 +27,7 @@ MAX_BIT_DEPTH: Final = 16
 
 
 def frame_type(bit_depth: int) -> type[np.uint8] | type[np.uint16]:
-    """The integer type of a frame: u1 for 8 bits, u2 for 9 to 16.
-
-    Raises
-    ------
-    UsageError
-        The bit depth is outside 8..16.
-    """
+    """The integer type of a frame: u1 for 8 bits, u2 for 9 to 16; a UsageError refuses others."""
     if not MIN_BIT_DEPTH <= bit_depth <= MAX_BIT_DEPTH:
         raise UsageError(f"the bit depth is {bit_depth}; it must be {MIN_BIT_DEPTH} to {MAX_BIT_DEPTH}")
     return np.uint8 if bit_depth == MIN_BIT_DEPTH else np.uint16

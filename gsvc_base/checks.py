@@ -33,17 +33,8 @@ _TYPE_NAMES: Final[Mapping[Any, str]] = {
 def numbers(value: Any, name: str, remedy: str) -> NDArray[np.float32]:
     """An array of real numbers, or what NumPy makes one of, as f4; numbers beyond binary32 become infinite.
 
-    Parameters
-    ----------
-    value
-        Anything.
-    name, remedy
-        The subject of the message and what to do, such as "the splats" and "give Splats or an array (N, 8)".
-
-    Raises
-    ------
-    UsageError
-        It is no array of real numbers.
+    `name` and `remedy` are the subject of a UsageError and what to do, such as "the splats" and "give Splats or an
+    array (N, 8)".
     """
     try:
         array = np.asarray(value)
@@ -57,38 +48,21 @@ def numbers(value: Any, name: str, remedy: str) -> NDArray[np.float32]:
 
 
 def check_whole(name: str, value: Any) -> None:
-    """Refuse what is no whole number; True is none, and nothing is parsed.
-
-    Raises
-    ------
-    UsageError
-        Names the argument.
-    """
+    """Refuse what is no whole number, by the name of the argument; True is none, and nothing is parsed."""
     if _whole(value) is _REFUSED:
         raise UsageError(f"{name} is {value!r}; it must be a whole number")
 
 
 def check_range(name: str, value: float | None, low: float, high: float) -> None:
-    """Refuse a number that is not in low..high; None is none.
-
-    Raises
-    ------
-    UsageError
-        It is outside.
-    """
+    """Refuse a number that is not in low..high; None is none."""
     if value is not None and not low <= value <= high:
         raise UsageError(f"{name} is {value}; it must be in {low}..{high}")
 
 
 def check_types(settings: Any) -> None:
-    """Refuse fields of a frozen dataclass that are not what is stated; NumPy's numbers become Python's.
+    """Refuse fields of a frozen dataclass that are not what is stated, by their names; NumPy's numbers become Python's.
 
     A whole number counts as a number, but True is no number, NaN and infinity are none either, and nothing is parsed.
-
-    Raises
-    ------
-    UsageError
-        Names the field and what it may be.
     """
     kind: Any = type(settings)
     hints = _hints(kind)
@@ -175,11 +149,6 @@ def door(function: Callable[P, R]) -> Callable[P, R]:
 
     Nothing is looked at before something goes wrong: where the function raises an error of types or shapes, the first
     argument that is no number, or no array of numbers, is named. If there is none, the error passes through.
-
-    Raises
-    ------
-    UsageError
-        Names the argument and what it may be.
     """
 
     @wraps(function)

@@ -15,7 +15,7 @@ _PYTHON_BLOCK: Final = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.D
 
 @cache
 def blocks() -> tuple[str, ...]:
-    """The blocks in order, each behind as many empty lines as stand before it in spec.md, so that tracebacks fit."""
+    """The blocks in order, each after as many empty lines as precede it in spec.md, so that tracebacks fit."""
     text = PATH.read_text(encoding="utf-8")
     return tuple("\n" * text.count("\n", 0, block.start(1)) + block[1] for block in _PYTHON_BLOCK.finditer(text))
 

@@ -30,12 +30,8 @@ class Draws:
     """Random numbers of a seed; the methods have the names and arguments of `numpy.random.Generator`'s.
 
     Word i (i = 1, 2, ...) is mix(state + i * 0x9E3779B97F4A7C15) modulo 2^64, mix being SplitMix64's; an array is
-    filled in C order, so that numbers drawn at once are those drawn one by one.
-
-    Parameters
-    ----------
-    seed
-        An integer from 0, or some: each counts, and so does their order.
+    filled in C order, so that numbers drawn at once are those drawn one by one. Of a seed of several integers from 0
+    each counts, and so does their order.
     """
 
     def __init__(self, seed: int | Sequence[int]) -> None:

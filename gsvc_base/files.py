@@ -22,32 +22,20 @@ class PartialFile:
     """A file under a temporary name beside its target, which it replaces on `commit`.
 
     At every moment the target is the old file or the new one, complete. What stood there before keeps its permissions,
-    and its owner where that is allowed.
-
-    Attributes
-    ----------
-    target
-        The final path, with symbolic links followed so that a link stays one.
-    path
-        The temporary path, an empty file from the start; ``.NAME.NUMBER.part`` in the same folder. A process that is
-        killed leaves it there, and the next one takes its place: nobody holds its lock.
-
-    Raises
-    ------
-    FileNotFoundError
-        The folder of the target does not exist.
-    OSError
-        The target cannot be replaced: it is read-only, its name too long, its folder closed.
+    and its owner where that is allowed. A target that cannot be replaced is refused at once: it is read-only, its name
+    too long, its folder closed or missing.
     """
 
     def __init__(self, target: Path) -> None:
-        self.target = Path(os.path.realpath(target))
+        self.target = Path(os.path.realpath(target))  # links are followed, so that a link stays one
         check_parent(self.target)
         before = _status(self.target)
         if before is not None and not os.access(self.target, os.W_OK):  # a rename would not mind
             raise PermissionError(13, os.strerror(13), str(self.target))
         self._lock: BinaryIO | None = None
         try:
+            # ``.NAME.NUMBER.part`` in the same folder, empty. If the process is killed, the next one takes it over:
+            # nobody holds its lock.
             self.path = self._create()
         except OSError as error:  # the user does not know the temporary file, which it names
             raise OSError(error.errno, error.strerror or str(error), str(self.target)) from None
@@ -104,15 +92,7 @@ class PartialFile:
 
 @contextmanager
 def complete_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
-    """A file to write, which takes its name when the block ends well; a pipe or device is written to at once.
-
-    Raises
-    ------
-    FileNotFoundError
-        The folder of the path does not exist.
-    OSError
-        The file cannot be written; the error names it.
-    """
+    """A file to write, which takes its name when the block ends well; a pipe or device is written to at once."""
     if path.exists() and not path.is_file():  # it has no name to take at the end, and must not be replaced
         with _named(path, path, "wb") as device:
             yield device
@@ -129,15 +109,7 @@ def complete_file(path: Path, *, durable: bool = False) -> Iterator[BinaryIO]:
 
 @contextmanager
 def opened_output(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
-    """The file that a stream goes to: a path as by `complete_file`, ``-`` for standard output, or an open file.
-
-    Raises
-    ------
-    UsageError
-        The target is none of these.
-    OSError
-        It cannot be written, see `complete_file`.
-    """
+    """The file that a stream goes to: a path as by `complete_file`, ``-`` for standard output, or an open file."""
     if not isinstance(target, str | Path):
         if not hasattr(target, "write") or hasattr(target, "encoding"):
             raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
@@ -159,11 +131,6 @@ def write_text(text: str, path: str | Path) -> None:
     r"""Write a page, a report, any text as UTF-8: to a complete file, a device, a pipe, or a standard stream.
 
     What is no Unicode, as in names of files, is written as an escape such as ``\udcff``.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written, see `complete_file`.
     """
     data = text.encode("utf-8", "backslashreplace")
     if (stream := standard_stream(path)) is not None:
@@ -232,13 +199,7 @@ def _open_at_once(path: str, flags: int) -> int:
 
 
 def check_parent(target: Path) -> None:
-    """Refuse a target whose folder does not exist.
-
-    Raises
-    ------
-    FileNotFoundError
-        With a message that says to create it.
-    """
+    """Refuse a target whose folder does not exist, and say to create it."""
     if not target.parent.is_dir():
         raise FileNotFoundError(f"the folder {target.parent} does not exist; create it first to write {target.name}")
 

@@ -35,23 +35,12 @@ class Interrupts:
     comes while llvmlite frees memory or is called by its compiler waits until that is done: raised there, it would be
     lost, or the same memory be freed twice.
 
-    Parameters
-    ----------
-    patient
-        Let nothing through a hold: what is written goes to a disk, so it will end.
-    once
-        Hold from the first interrupt on: what was begun is being removed.
-
-    Attributes
-    ----------
-    held
-        While True an interrupt is noted, not raised.
-    seen
-        Whether one was noted.
+    `patient` lets nothing through a hold: what is written goes to a disk, so it will end. `once` holds from the first
+    interrupt on: what was begun is being removed.
     """
 
     def __init__(self, *, patient: bool, once: bool = False) -> None:
-        self.held, self.seen = False, False
+        self.held, self.seen = False, False  # interrupts are noted, not raised; one was noted
         self._patient, self._once, self._since = patient, once, 0.0
         self._replaced: list[int] = []
 
@@ -70,13 +59,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def release(self) -> None:
-        """Hold back no longer; what was noted is raised now.
-
-        Raises
-        ------
-        KeyboardInterrupt
-            An interrupt came in the meantime.
-        """
+        """Hold back no longer; an interrupt that was noted is raised now."""
         self.held = False
         if self.seen:
             raise KeyboardInterrupt

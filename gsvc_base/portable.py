@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-_LN2_PARTS: Final = (0.6931471803691238, 1.9082149292705877e-10)
+LN2_PARTS: Final = (0.6931471803691238, 1.9082149292705877e-10)
 """ln 2 in two pieces; the product of the first by an exponent is exact."""
 
 _HALF_PI: Final = (1.570796325802803, 9.920935739593517e-10, 5.721188726109832e-18)
@@ -36,7 +36,7 @@ def exp(x: ArrayLike) -> Any:
     """e^x for x < 709, within 2 units in the last place of normal numbers; 0 far below."""
     values = np.clip(np.asarray(x, np.float64), -1e4, 1e4)
     whole = np.rint(values * (1 / math.log(2)))
-    rest = (values - whole * _LN2_PARTS[0]) - whole * _LN2_PARTS[1]
+    rest = (values - whole * LN2_PARTS[0]) - whole * LN2_PARTS[1]
     return _as_given(np.ldexp(_polynomial(_EXP_SERIES, rest), _integers(whole).astype(np.int32)))
 
 
@@ -47,7 +47,7 @@ def log(x: ArrayLike) -> Any:
     part, exponent = np.where(low, 2 * part, part), exponent - low
     ratio = (part - 1) / (part + 1)
     return _as_given(
-        exponent * _LN2_PARTS[0] + (ratio * _polynomial(_LOG_SERIES, ratio * ratio) + exponent * _LN2_PARTS[1])
+        exponent * LN2_PARTS[0] + (ratio * _polynomial(_LOG_SERIES, ratio * ratio) + exponent * LN2_PARTS[1])
     )
 
 

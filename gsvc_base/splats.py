@@ -125,6 +125,7 @@ class Splats:
         )
 
 
+# twin of spec.scale_parameters
 @door
 def scale_parameters(
     parameters: Splats | ArrayLike, width: int, height: int, new_width: int, new_height: int

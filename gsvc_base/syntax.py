@@ -116,7 +116,7 @@ def _paragraphs(lines: Iterable[str]) -> list[str]:
         if not line.strip() or line.startswith("|"):
             found.append([])
         else:
-            if line.startswith("**R-"):  # a rule at the start of a line begins a sentence of its own
+            if line.startswith("**R-"):  # a rule at the start of a line begins another sentence
                 line = " " + line
             found[-1].append(line.strip())
     return [_TAG.sub("", " ".join(part)) for part in found if part]
@@ -136,7 +136,7 @@ def _tables(lines: Iterable[str]) -> Iterator[list[list[str]]]:
 
 
 def _rules(parts: Mapping[str, _Part]) -> Json:
-    """Every rule: its section, the heading that it stands under, its sentence."""
+    """Every rule: its section, its heading, its sentence."""
     found: Json = {}
     for part in parts.values():
         for heading, lines in part.texts.items():
@@ -152,12 +152,12 @@ def _rules(parts: Mapping[str, _Part]) -> Json:
 
 
 def _names(heading: str) -> list[str]:
-    """The elements that a heading is about, as it writes them but for the marks of code."""
+    """The elements that a heading is about, as it writes them, without the marks of code."""
     return [name.replace("`", "") for name in heading.split(", ")] if heading else []
 
 
 def _rules_about(name: str, heading: str, plain: str, section: str, rules: Json) -> list[str]:
-    """Ids of the rules that begin what stands under a heading, are cited there, or name the element in its section."""
+    """Ids of the rules that begin the text under a heading, are cited there, or name the element in its section."""
     cited = _CITED.findall(plain)
     return [
         rule for rule, about in rules.items()
@@ -245,7 +245,7 @@ def _elements(rows: Iterable[list[str]]) -> Iterator[Json]:
 
 
 def _closing(text: str, at: int) -> int:
-    """The place of the bracket that closes the one at or behind a place."""
+    """The place of the bracket that closes the one at or after a place."""
     depth = 0
     for place in range(text.index("(", at), len(text)):
         depth += {"(": 1, ")": -1}.get(text[place], 0)
@@ -255,7 +255,7 @@ def _closing(text: str, at: int) -> int:
 
 
 def _description(name: str, structure: str, described: Mapping[str, str], part: _Part, rules: Json) -> Json:
-    """What the heading of an element says about it; what has none, such as align(), has no rules of its own."""
+    """What the heading of an element says about it; what has no heading, such as align(), has no rules."""
     own = f"{name} ({structure})"
     key = own if own in described else name
     if key not in described:

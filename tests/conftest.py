@@ -21,8 +21,8 @@ settings.load_profile("quick")
 TESTS = Path(__file__).parent
 NAMES = {"pillow": "PIL", "pyyaml": "yaml", "scikit-image": "skimage", "fluster-conformance": "fluster"}
 """Of packages that are imported under another name."""
-EVERYWHERE = {"numpy", "hypothesis", "pytest", "pytest-xdist"}
-"""What most tests import."""
+LEFT_OUT = {"numpy", "hypothesis", "pytest", "pytest-xdist", "playwright"}
+"""What most tests import, and what drives a browser, which has a version of its own."""
 IMPORT = re.compile(r"^ *(?:from|import|.*importorskip\(\")\W*(\w+)", re.MULTILINE)
 
 
@@ -55,5 +55,5 @@ def depends_on_versions(path):
 def packages():
     """The packages whose lowest versions are tested, by the names under which they are imported."""
     lines = (TESTS / "supply_chain" / "lowest.txt").read_text("utf-8").splitlines()
-    given = {line.partition("==")[0] for line in lines if not line.startswith("#")} - EVERYWHERE
+    given = {line.partition("==")[0] for line in lines if not line.startswith("#")} - LEFT_OUT
     return {NAMES.get(name, name.replace("-", "_")) for name in given}

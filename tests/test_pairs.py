@@ -1,7 +1,10 @@
 """Every operation of spec.md and what gsvc_ref has for it: the same name and arguments, and the same answers."""
 
+import ast
 import inspect
+import re
 from functools import cache
+from pathlib import Path
 from pkgutil import resolve_name
 
 import numpy as np
@@ -15,6 +18,8 @@ from gsvc_conformance.pairs import INSTEAD, PAIRS, Free, Other, Twin, twin
 from gsvc_conformance.vector import VECTORS, read
 from gsvc_ref import spec
 
+ROOT = Path(__file__).parents[1]
+SOURCES = sorted(path for home in ROOT.glob("gsvc_*") for path in home.rglob("*.py"))
 VECTORS_EACH = 5
 
 TWINS = [name for name, pair in PAIRS.items() if isinstance(pair, Twin)]
@@ -64,6 +69,28 @@ def test_a_twin_has_the_name_and_arguments_of_its_plain_form(name):
     assert function.__name__ == name
     assert [parameter.name for parameter in parameters[: len(wanted)]] == wanted
     assert all(parameter.default is not inspect.Parameter.empty for parameter in parameters[len(wanted) :])
+
+
+def defined(path):
+    """The functions of a module by the line above them, which is above their decorators."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef):
+            yield min(part.lineno for part in (node, *node.decorator_list)) - 1, node.name
+
+
+def test_the_line_above_a_twin_names_its_plain_form():
+    marks = [
+        (path, number, mark[1])
+        for path in SOURCES
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if (mark := re.search(r"# twin of (.*)", line))
+    ]
+    wanted = []
+    for name in TWINS:
+        path = Path(inspect.getsourcefile(inspect.unwrap(twin(name))))
+        wanted += [(path, line, f"spec.{name}") for line, function in defined(path) if function == name]
+    assert sorted(wanted) == sorted(marks)
+    assert len(wanted) == len(TWINS)
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -1,4 +1,4 @@
-"""One name, one value: every constant of Annex A of spec.md has its name and its value in gsvc_ref, once."""
+"""One name, one value: a constant has one home, and one of Annex A of spec.md its name and its value there."""
 
 import ast
 import importlib
@@ -18,16 +18,6 @@ from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
 ROOT = Path(__file__).parents[1]
 PACKAGES = (ROOT / "gsvc_base", ROOT / "gsvc_ref")
 NAMED = re.compile(r"`([A-Z][A-Z0-9_]*)`")
-
-UNNEEDED = {
-    "HEADER": "the ranges stand beside the elements in bitstream/header.py, a function that reads and writes them",
-    "PAPER_HEADER": "as HEADER",
-    "MAIN_HEADER": "as HEADER",
-    "OTHERS_RESERVED": "the elements whose other values are reserved are tested one by one in bitstream/header.py",
-    "USER_OF": "bitstream/frames.py hands the flag of the attribute to `_check_kept`",
-    "CODES": "the inputs of reconstruction are the fields of `SplatBlock`",
-}
-"""Constants of Annex A that gsvc_ref has no need of, and why."""
 
 OTHERS = {
     "unit of the error model": EPS,
@@ -85,24 +75,64 @@ def plain(value):
     return value
 
 
-NAMES = list(dict.fromkeys(NAMED.findall(annex_text())))
+TEXT, _, OF_SYNTAX = annex_text().partition("Tables of the names of elements")
+NAMES = list(dict.fromkeys(NAMED.findall(TEXT)))
+SYNTAX = NAMED.findall(OF_SYNTAX)
+"""Tables by which spec.md's code reads elements; gsvc_ref has functions of the syntax in their place."""
 
 
 def test_the_table_is_read_whole():
     unnamed = [cells for cells in annex() if not cells[0].startswith("`")]
     assert {cells[3] for cells in unnamed} == OTHERS.keys()
-    assert {"LEVELS", "REACH", "K5", "FRAMES"} | UNNEEDED.keys() <= set(NAMES)
+    assert {"LEVELS", "REACH", "K5", "FRAMES"} <= set(NAMES)
+    assert "HEADER" in SYNTAX
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_name_has_one_definition_with_the_value_of_the_spec(name):
     homes = definitions().get(name, [])
-    if name in UNNEEDED:
-        assert homes == []
-        return
     assert len(homes) == 1, f"{name} is defined in {homes}"
     value = getattr(importlib.import_module(homes[0]), name)
     assert plain(value) == plain(spec.namespace()[name])
+
+
+@pytest.mark.parametrize("name", SYNTAX)
+def test_a_table_of_syntax_is_one_of_names_and_gsvc_ref_has_none(name):
+    table = spec.namespace()[name]
+    assert all(isinstance(row if isinstance(row, str) else row[0], str) for row in table)
+    assert name not in definitions()
+
+
+def constants(tree):
+    """The constants that a module defines: upper-case names that are given a value, but for variables of types."""
+    for node in tree.body:
+        match node:
+            case ast.Assign(targets, value) if not is_type_variable(value):
+                yield from (name.id for target in targets for name in ast.walk(target) if is_constant(name))
+            case ast.AnnAssign(ast.Name(name), _, ast.expr()) if is_constant(node.target):
+                yield name
+
+
+def is_constant(node):
+    return isinstance(node, ast.Name) and node.id.strip("_").isupper()
+
+
+def is_type_variable(value):
+    return isinstance(value, ast.Call) and ast.unparse(value.func) in ("TypeVar", "ParamSpec")
+
+
+def test_a_constant_has_one_home():
+    homes = {}
+    for path in (path for package in PACKAGES for path in package.rglob("*.py")):
+        for name in constants(ast.parse(path.read_text(encoding="utf-8"))):
+            homes.setdefault(name.lstrip("_"), []).append(str(path.relative_to(ROOT)))
+    assert len(homes) > 400
+    assert {name: found for name, found in homes.items() if len(found) > 1} == {}
+
+
+def test_constants_are_found():
+    source = "A, B = 1, 2\n_A: Final = 3\nT = TypeVar('T')\na = A\ndef f():\n    C = 1\nD: int"
+    assert list(constants(ast.parse(source))) == ["A", "B", "_A"]
 
 
 def test_unnamed_constants_have_the_values_of_the_table():

@@ -44,7 +44,7 @@ def say(command: str, message: str) -> None:
 
 
 def prepare_streams() -> None:
-    """Let standard output and error take whatever is printed, also if they cannot show it or are closed."""
+    """Let standard output and error take all that is printed, also if they cannot show it or are closed."""
     if sys.stderr is None:  # closed; `print` would take standard output, which may carry a stream
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115  (for as long as the process lives)
     for stream in (sys.stdout, sys.stderr):
@@ -54,14 +54,9 @@ def prepare_streams() -> None:
 
 
 def guarded(command: str, action: Callable[[], int]) -> int:
-    """Run an action and turn whatever it raises into a message and an exit code; ``GSVC_DEBUG=1`` shows tracebacks.
+    """Run an action and turn all that it raises into a message and an exit code; ``GSVC_DEBUG=1`` shows tracebacks.
 
-    Parameters
-    ----------
-    command
-        First words of messages, such as ``gsvc encode``.
-    action
-        Returns an exit code.
+    Messages begin with the command, such as ``gsvc encode``.
     """
     try:
         status = action()

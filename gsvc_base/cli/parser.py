@@ -9,13 +9,7 @@ from gsvc_base.cli.errors import EXIT_USAGE, say
 
 
 class Parser(ArgumentParser):
-    """A parser whose complaints look like all other messages: the command, what is wrong, what to do.
-
-    Attributes
-    ----------
-    commands
-        The parsers of its commands by their names.
-    """
+    """A parser whose complaints look like all other messages: the command, what is wrong, what to do."""
 
     commands: "Mapping[str, Parser]" = MappingProxyType({})
 

@@ -92,11 +92,6 @@ class ProgressDisplay:
     """The display of a command's progress and remaining time; a context manager, which clears the line at its end.
 
     Nothing is shown in the first `DELAY_S`, with `quiet`, or when standard error is no terminal.
-
-    Attributes
-    ----------
-    active
-        Whether anything will ever be shown; what costs time to find out can be left out if not.
     """
 
     def __init__(
@@ -108,6 +103,7 @@ class ProgressDisplay:
         line: Callable[[TextIO], Line] = open_line,
     ) -> None:
         self._stream: Any = stream if stream is not None else sys.stderr
+        # else callers need not find out what costs time
         self.active = not quiet and self._stream is not None and self._stream.isatty()
         self._clock, self._open_line = clock, line
         self._start = clock()

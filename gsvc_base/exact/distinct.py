@@ -11,14 +11,7 @@ from gsvc_base.arrays import I8
 def distinct(*columns: NDArray[Any]) -> tuple[I8, I8, I8]:
     """The rows of arrays (N, ...) that differ in a bit, in the order in which they come first.
 
-    Returns
-    -------
-    first
-        (n,), where each of them comes first.
-    inverse
-        (N,), which of them each row is.
-    counts
-        (n,), how often each occurs.
+    Returns where each of the n rows comes first, (n,); which of them each row is, (N,); how often each occurs, (n,).
     """
     count = len(columns[0])
     if not count:

@@ -37,6 +37,7 @@ ERROR_OF_UNDERFLOW: Final = 2.0**-900
 def two_sum(a: F8, b: F8) -> tuple[F8, F8]:
     """The rounded a + b, and its error."""
     total = a + b
+    # Knuth: exact in binary64 for any a and b.
     of_b = total - a
     return total, (a - (total - of_b)) + (b - of_b)
 
@@ -56,21 +57,11 @@ def _split(a: F8) -> tuple[F8, F8]:
 
 @dataclass(frozen=True, eq=False)
 class Expansion:
-    """Real numbers, each within `radius` of the sum of its components.
+    """Real numbers, each within `radius` of the sum of its components."""
 
-    Attributes
-    ----------
-    parts
-        (k, ...) f8 with k <= most, the largest first.
-    radius
-        (...) f8.
-    most
-        Components that results keep; of two operands the smaller number.
-    """
-
-    parts: F8
-    radius: F8
-    most: int
+    parts: F8  # (k, ...) with k <= most, the largest first
+    radius: F8  # (...)
+    most: int  # components that results keep; of two operands the smaller number
 
     __array_ufunc__ = None  # so that array * Expansion asks Expansion
 
@@ -110,7 +101,7 @@ class Expansion:
     def __mul__(self, other: "Expansion") -> "Expansion":
         a, b = _alike(self, other)
         most = min(a.most, b.most)
-        whole, last, left = _pairs(len(a.parts), len(b.parts), most)
+        whole, last, left = _pairs(len(a.parts), len(b.parts), most)  # with their errors; without; in the radius alone
         high, low = two_product(a.parts[whole[0]], b.parts[whole[1]])
         last_parts = a.parts[last[0]] * b.parts[last[1]]
         radius = (_size(a) * b.radius + _size(b) * a.radius) + a.radius * b.radius
@@ -271,20 +262,9 @@ def joined(*numbers: Expansion, axis: int = 0) -> Expansion:
 def settled(evaluate: Callable[[int, NDArray[np.int64]], tuple[Expansion, ...]], rows: int) -> tuple[F8, ...]:
     """Results rounded once to binary64: rows of which one is not certain are evaluated again with more components.
 
-    A number that even the most components cannot tell from 0 is 0: the terms of its sum cancel to more than 400 bits
-    of the largest one, as those of symmetric inputs do.
-
-    Parameters
-    ----------
-    evaluate
-        Returns results (n, ...) of the n rows given, with so many components.
-    rows
-        How many rows there are.
-
-    Raises
-    ------
-    ArithmeticError
-        A result that is not 0 is not certain with the most components either.
+    `evaluate` returns results (n, ...) for a number of components and n of the rows. A number that even the most
+    components cannot tell from 0 is 0: the terms of its sum cancel to more than 400 bits of the largest one, as those
+    of symmetric inputs do. Another one that is not certain then is an ArithmeticError.
     """
     at = np.arange(rows)
     results: list[F8] = []
@@ -307,10 +287,7 @@ def settled(evaluate: Callable[[int, NDArray[np.int64]], tuple[Expansion, ...]],
 def certain(number: Expansion) -> F8:
     """A number rounded once to binary64; 0 where it cannot be told from 0.
 
-    Raises
-    ------
-    ArithmeticError
-        It has too few components to be rounded.
+    Too few components for the rounding are an ArithmeticError.
     """
     value, sure = number.rounded()
     noise = number.is_noise()
@@ -380,7 +357,7 @@ def _pairs(a: int, b: int, most: int) -> tuple[tuple[list[int], list[int]], ...]
 
 
 def _alike(a: Expansion, b: Expansion) -> tuple[Expansion, Expansion]:
-    """Two numbers whose arrays broadcast, whatever their dimensions."""
+    """Two numbers whose arrays broadcast: the one with fewer dimensions gets more."""
     dimensions = max(a.radius.ndim, b.radius.ndim)
 
     def lifted(n: Expansion) -> Expansion:

@@ -74,16 +74,9 @@ class Computed:
         return _rounded(root, np.maximum(error, 0), ROOT_ERROR, np.zeros(error.shape, np.bool_))
 
     def total(self, axis: int | None = None, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":
-        """The sum along an axis, or of all.
+        """The sum along an axis, or of all, where each term of the axis occurs `times`.
 
-        Parameters
-        ----------
-        axis
-            The axis.
-        times
-            How often each term of the axis occurs.
-        rows, columns
-            Of the pixels that the terms belong to.
+        `rows` and `columns` are those of the pixels that the terms belong to, for (13-4).
         """
         terms = self.flat() if axis is None else Computed(self.number.moved(axis), np.moveaxis(self.error, axis, 0))
         return terms.totals(np.zeros(len(terms.error), np.int64), 1, times=times, rows=rows, columns=columns)[0]

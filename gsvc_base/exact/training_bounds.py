@@ -18,20 +18,10 @@ WithBound = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def loss_with_bound(picture: F4, target: F4) -> dict[str, WithBound]:
-    """The loss (10-1) and the residual (10-2); R-10.2-1.
+    """The loss (10-1), (), and the residual (10-2), (H, W, 3), of a picture against its target; R-10.2-1.
 
     The difference has one rounding, its square one, the sum of 3 H W any sane order (13-4). Multiplying by a rounded
     2 / (H W) has two roundings, fewer than the quotient that is allowed for.
-
-    Parameters
-    ----------
-    picture, target
-        (H, W, 3) f4.
-
-    Returns
-    -------
-    dict
-        ``loss`` () and ``residual`` (H, W, 3).
     """
     height, width = picture.shape[:2]
     pixels = given(height * width)
@@ -43,21 +33,9 @@ def loss_with_bound(picture: F4, target: F4) -> dict[str, WithBound]:
 
 
 def weighted_gradients_with_bound(values: F4, gradients: F4) -> dict[str, WithBound]:
-    """The gradients of colours and weights (10-11); R-10.3-2.
+    """The gradients (N, 9) of colours and weights (10-11) for values (N, 9) and gradients (N, 8); R-10.3-2.
 
     Copies are exact, w G has one rounding, G . c' three products in any order.
-
-    Parameters
-    ----------
-    values
-        (N, 9) f4, splats with weights.
-    gradients
-        (N, 8) f4.
-
-    Returns
-    -------
-    dict
-        ``gradients`` (N, 9).
     """
     first, inverse, _ = distinct(values, gradients)
     values, gradients = values[first], gradients[first]
@@ -83,23 +61,13 @@ def adan_step_with_bound(
     beta3: float,
     epsilon: float,
 ) -> dict[str, WithBound]:
-    """A step of Adan, (10-13) and (10-14); R-10.4-2.
+    """A step of Adan on arrays of the inputs of `adan_step`, (10-13) and (10-14); R-10.4-2.
 
     Averages may be b old + (1 - b) new or old + (1 - b) (new - old). Decay rates, 1 minus them and the corrections are
     known in binary64 and rounded once each; dividing by a correction allows for multiplying by its rounded reciprocal.
     Both averages are corrected and divided by themselves, and three terms summed in any order, so that two
     subtractions are covered as well as one. Near n = 0 the root's error is the difference of roots, against which
-    stands epsilon.
-
-    Parameters
-    ----------
-    parameters, gradients, m, v, n, previous, steps, rates, units, beta1, beta2, beta3, epsilon
-        As in `gsvc_ref.adan_step`, as arrays.
-
-    Returns
-    -------
-    dict
-        ``parameters``, ``m``, ``v``, ``n`` and ``previous``, (N, P) each. The steps are one more than they were.
+    stands epsilon. All outputs are (N, P); the steps are one more than they were.
     """
     first, inverse, _ = distinct(parameters, gradients, m, v, n, previous, steps)
     parameters, gradients, m, v, n, previous = (rows[first] for rows in (parameters, gradients, m, v, n, previous))

@@ -9,21 +9,7 @@ from gsvc_base.files import write_text
 def replaced(document: str, begin: str, end: str, text: str, name: str = "the document") -> str:
     """The document with the text in place of all that stands between two markers, blank lines around it.
 
-    Parameters
-    ----------
-    document
-        Text that holds `begin` once and after it `end`; the first `end` after it counts.
-    begin, end
-        The markers.
-    text
-        The new text.
-    name
-        Name of the document for the error.
-
-    Raises
-    ------
-    UsageError
-        The document does not hold the markers.
+    It holds `begin` once and after it `end`, of which the first counts; else a UsageError names it.
     """
     before, found, rest = document.partition(begin)
     _, ended, after = rest.partition(end)
@@ -33,24 +19,10 @@ def replaced(document: str, begin: str, end: str, text: str, name: str = "the do
 
 
 def check_markers(path: Path, begin: str, end: str) -> None:
-    """Refuse a file that `put_between` cannot change.
-
-    Raises
-    ------
-    UsageError
-        It does not hold the markers.
-    FileNotFoundError
-        There is no such file.
-    """
+    """Refuse a file that `put_between` cannot change."""
     replaced(path.read_text(encoding="utf-8"), begin, end, "", str(path))
 
 
 def put_between(path: Path, begin: str, end: str, text: str) -> None:
-    """Replace what stands between two markers of a file.
-
-    Raises
-    ------
-    UsageError, FileNotFoundError
-        As `check_markers`.
-    """
+    """Replace what stands between two markers of a file."""
     write_text(replaced(path.read_text(encoding="utf-8"), begin, end, text, str(path)), path)

@@ -10,24 +10,12 @@ from gsvc_base.pages.tables import html_table
 
 @dataclass(frozen=True)
 class Figure:
-    """One more key number for the top of the page.
-
-    Attributes
-    ----------
-    label
-        Name of the number.
-    value
-        The number as text.
-    unit
-        Its unit, or nothing.
-    note
-        One short line below it, or nothing.
-    """
+    """One more key number for the top of the page."""
 
     label: str
     value: str
     unit: str = ""
-    note: str = ""
+    note: str = ""  # one short line below it
 
 
 def document(title: str, sections: Sequence[str]) -> str:

@@ -33,22 +33,10 @@ def html_table(
     title: str = "",
     key_rows: Collection[int] = (),
 ) -> str:
-    """A table that scrolls sideways where the page is narrow.
+    """A table that scrolls sideways where the page is narrow; all cells but `Markup` are escaped.
 
-    Parameters
-    ----------
-    header
-        Names of the columns, or nothing.
-    rows
-        Cells; all but `Markup` are escaped.
-    classes
-        Classes of the first columns, such as ``text`` for what stands at the left.
-    foot
-        Cells of a last row, or nothing.
-    title
-        Shown under the pointer, or nothing.
-    key_rows
-        Numbers of the rows that stand out.
+    `classes` are those of the first columns, such as ``text`` for what stands at the left; `title` is shown under the
+    pointer, and rows of the numbers `key_rows` stand out.
     """
 
     def line(tag: str, cells: Sequence[str], kind: str = "") -> str:
@@ -69,16 +57,10 @@ def html_table(
 def markdown_table(
     header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collection[int] = (), *, aligned: bool = False
 ) -> str:
-    """A table in Markdown.
+    """A table in Markdown; a ``|`` in a cell is escaped.
 
-    Parameters
-    ----------
-    header, rows
-        Cells; a ``|`` in them is escaped.
-    numbers
-        Columns that stand at the right.
-    aligned
-        Whether all cells of a column are of one width, which a terminal shows well too.
+    Columns of the numbers `numbers` stand at the right. `aligned` makes all cells of a column equally wide, which a
+    terminal shows well too.
     """
     lines = [[cell.replace("|", "\\|") for cell in row] for row in (header, *rows)]
     widths = [max(len(line[k]) for line in lines) if aligned else 0 for k in range(len(header))]

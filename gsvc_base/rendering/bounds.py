@@ -65,17 +65,10 @@ def gamma(k: ArrayLike) -> F8:
 
 
 def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
-    """The maximum number of additions D(n, r, c) that a term of a sum takes part in, spec.md (13-4).
+    """The maximum number of additions D(n, r, c) that one of n terms of a sum takes part in, spec.md (13-4).
 
-    Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of pixels
-    may also go by rows and then columns.
-
-    Parameters
-    ----------
-    terms
-        Their number.
-    rows, columns
-        The numbers of rows and columns of pixels that they belong to.
+    Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of r rows
+    and c columns of pixels may also go by rows and then columns.
     """
     n = np.asarray(terms, np.float64)
     levels = np.maximum(2 * np.ceil(np.sqrt(n)), rows + columns)
@@ -89,22 +82,13 @@ def coverage_margin(splat: F8) -> int:
 
 
 class WeightErrors:
-    """The errors of one splat (8,) f8 over its footprint, each (h, w) f8, named as in the module's text.
-
-    Attributes
-    ----------
-    delta_1, delta_2, d_sigma
-        Bounds of the errors of u1, u2 and sigma.
-    g_plain, d_g
-        exp(-sigma) whether covered or not, and its error.
-    band
-        (h, w) bool, where either coverage decision is legal.
-    """
+    """The errors of one splat (8,) f8 over its footprint, each (h, w) f8, named as in the module's text."""
 
     def __init__(self, splat: F8, pixels: Footprint) -> None:
         l21, l22 = splat[3:5]
         u1, u2, sigma = abs(pixels.u1), abs(pixels.u2), pixels.sigma
         underflow = ETA * (1 + abs(pixels.dx))
+        # Bounds of the errors of u1, u2 and sigma.
         self.delta_1 = gamma(5) * u1 + underflow  # (13-5)
         self.delta_2 = (
             (gamma(6) * abs(pixels.dy) + gamma(11) * abs(l21) * u1 + abs(l21) * underflow + ETA) / l22
@@ -113,9 +97,11 @@ class WeightErrors:
         w = u1 * self.delta_1 + u2 * self.delta_2 + (self.delta_1 * self.delta_1 + self.delta_2 * self.delta_2) / 2
         self.d_sigma = w + gamma(2) * (sigma + w)  # (13-7)
         nearest = np.maximum(sigma - self.d_sigma, 0)
+        # exp(-sigma), covered or not, and its error.
         self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, sigma + self.d_sigma]))
         of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: it is largest at the smallest x
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + ETA  # (13-8)
+        # Where either coverage decision is legal.
         self.band = abs(sigma - LN_255) <= self.d_sigma + EPS * LN_255  # (13-9)
 
 
@@ -156,7 +142,12 @@ class SumBound:
 def render_exact_with_bound(splats: Splats | ArrayLike, width: int, height: int) -> tuple[F8, F8]:
     """The exact sum and how far a binary32 renderer may be from it in each element (the derivation is above).
 
-    The splats are `Splats`, or an array (N, 8) f4 of their parameters.
+    Parameters
+    ----------
+    splats
+        The splats, or their parameters (N, 8) f4.
+    width, height
+        Size of the frame in pixels.
 
     Returns
     -------
@@ -174,16 +165,11 @@ def render_exact_with_bound(splats: Splats | ArrayLike, width: int, height: int)
 
 
 def frame_limits(C: F8, bound: F8, bit_depth: int) -> tuple[F8, F8]:
-    """The lowest and the highest frame that a renderer with a sum within `bound` of C may give (13-18).
+    """The lowest and the highest frame, integers (H, W, 3) f8, that a sum within `bound` of C may give (13-18).
 
     The clamp is exact, the product with the peak has a relative error of at most eps and may lose ETA to underflow
     (which no rounding to an integer sees), and rounding to an integer keeps the order. No product is rounded above the
     peak.
-
-    Returns
-    -------
-    lowest, highest
-        Integers, (H, W, 3) f8.
     """
     peak = 2**bit_depth - 1
     lowest = np.rint(np.clip(C - bound, 0, 1) * peak * (1 - EPS))
@@ -196,6 +182,8 @@ def exact_gradients_with_bound(splats: Splats, residual: ArrayLike) -> tuple[F8,
 
     Parameters
     ----------
+    splats
+        The splats.
     residual
         (H, W, 3), dL/dC.
 

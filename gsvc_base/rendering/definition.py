@@ -23,33 +23,17 @@ MAX_EXPONENT: Final = 1000.0
 
 @dataclass(frozen=True)
 class Footprint:
-    """One splat over the box of pixels around it: everything that the sum and its gradients are made of.
+    """One splat over the box of pixels around it: everything that the sum and its gradients are made of."""
 
-    Attributes
-    ----------
-    rows, columns
-        The box as slices of the frame.
-    dx, dy
-        (1, w) and (h, 1) f8, d = pixel centre - mu.
-    u1, u2
-        (h, w) f8, u = L^-1 d.
-    sigma
-        (h, w) f8, (u1^2 + u2^2) / 2.
-    covered
-        (h, w) bool, sigma <= LN_255.
-    g
-        (h, w) f8, exp(-sigma) where the splat covers the pixel, else 0.
-    """
-
-    rows: slice
+    rows: slice  # of the frame
     columns: slice
-    dx: F8
-    dy: F8
-    u1: F8
-    u2: F8
-    sigma: F8
-    covered: NDArray[np.bool_]
-    g: F8
+    dx: F8  # (1, w), d = pixel centre - mu
+    dy: F8  # (h, 1)
+    u1: F8  # (h, w), u = L^-1 d
+    u2: F8  # (h, w)
+    sigma: F8  # (h, w), (u1^2 + u2^2) / 2
+    covered: NDArray[np.bool_]  # (h, w), sigma <= LN_255
+    g: F8  # (h, w), exp(-sigma) where the splat covers the pixel, else 0
 
     def gradient(self, splat: F8, e: F8) -> F8:
         """The gradient (8,) f8 of sum(e * C) over these pixels, with e = dL/dC (h, w, 3) and coverage held fixed.
@@ -132,12 +116,7 @@ def footprints(splats: Splats, width: int, height: int) -> Iterator[tuple[int, F
 
 
 def exact_sum(splats: Splats, width: int, height: int) -> F8:
-    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order: spec.md (9-2), R-9.1-4.
-
-    Returns
-    -------
-    (H, W, 3) f8, not clamped.
-    """
+    """C = sum of c' exp(-sigma) over the splats that cover the pixel, in index order, (H, W, 3) f8: (9-2), R-9.1-4."""
     C = np.zeros((height, width, 3))  # (H, W, 3) f8
     for _, splat, pixels in footprints(splats, width, height):
         C[pixels.rows, pixels.columns] += pixels.g[..., None] * splat[5:]  # (9-2)
@@ -145,21 +124,9 @@ def exact_sum(splats: Splats, width: int, height: int) -> F8:
 
 
 def exact_gradients(splats: Splats, residual: ArrayLike) -> F8:
-    """The gradient of sum(residual * C) for every parameter (R-10.3-1), see `Footprint.gradient`.
+    """The gradient (N, 8) f8 of sum(residual * C) for every parameter (R-10.3-1), for a residual dL/dC (H, W, 3).
 
-    Parameters
-    ----------
-    residual
-        (H, W, 3), dL/dC.
-
-    Returns
-    -------
-    (N, 8) f8 in the columns of `Splats.to_array`.
-
-    Raises
-    ------
-    UsageError
-        The residual has another shape or a value that is not finite.
+    See `Footprint.gradient`.
     """
     e = check_residual(residual)
     height, width = e.shape[:2]
@@ -170,13 +137,7 @@ def exact_gradients(splats: Splats, residual: ArrayLike) -> F8:
 
 
 def check_residual(residual: ArrayLike) -> F8:
-    """The residual as (H, W, 3) f8.
-
-    Raises
-    ------
-    UsageError
-        It has another shape or a value that is not finite.
-    """
+    """The residual as (H, W, 3) f8; what is not finite is refused."""
     e = np.asarray(residual, np.float64)
     check_residual_shape(e.shape)
     if not np.isfinite(e).all():

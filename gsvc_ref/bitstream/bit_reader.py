@@ -16,27 +16,15 @@ _UNPACKED_AT_ONCE: Final = 1 << 16
 
 
 class Reader(Coder):
-    """A Coder that takes the values from bytes and believes nothing.
-
-    Parameters
-    ----------
-    data
-        The bytes: the payload of a chunk.
-    first_bit
-        Offset in bits of `data` from the start of the stream.
-    end_rule
-        The rule that an element breaks which does not fit: R-6.2-3 in a payload, R-6.2-4 outside.
-    trace
-        Called with each `Element` read, and with the one that cannot be read.
-    """
+    """A Coder that takes the values from the payload of a chunk, or other bytes, and trusts none of them."""
 
     def __init__(
         self,
         data: Bytes,
         *,
-        first_bit: int = 0,
-        end_rule: str = "R-6.2-3",
-        trace: Callable[[Element], None] | None = None,
+        first_bit: int = 0,  # offset of `data` from the start of the stream
+        end_rule: str = "R-6.2-3",  # broken by an element that does not fit: R-6.2-4 outside of a payload
+        trace: Callable[[Element], None] | None = None,  # gets each element, and the one that cannot be read
     ) -> None:
         super().__init__(first_bit, trace)
         self._data = memoryview(data).toreadonly()  # parts of it are no copies
@@ -87,7 +75,7 @@ class Reader(Coder):
         self._need(bits, name)
         window = int.from_bytes(self._data[self._bit >> 3 : (self._bit + bits + 7) >> 3], "big")
         self._bit += bits
-        return window >> (-self._bit % 8) & ((1 << bits) - 1)
+        return window >> (-self._bit % 8) & ((1 << bits) - 1)  # without the bits of the last byte that follow
 
     def _take_bytes(self, size: int, name: str) -> memoryview:
         self._need(8 * size, name)
@@ -113,7 +101,7 @@ class Reader(Coder):
         """`uv` (R-3.1-1)."""
         start = self.position
         value = 0
-        for shift in range(0, 35, 7):
+        for shift in range(0, 35, 7):  # at most five bytes
             self._need(8, name, start)
             byte = self._take_bytes(1, name)[0]
             value |= (byte & 0x7F) << shift
@@ -182,7 +170,7 @@ class Reader(Coder):
         return read
 
     def _unpack(self, count: int, size: int) -> NDArray[np.uint32]:
-        """`count` integers of `size` <= 16 bits: each lies in three bytes, whatever bit it starts at."""
+        """`count` integers of `size` <= 16 bits: each lies in three bytes, at any first bit."""
         if size == 0:
             return np.zeros(count, np.uint32)
         first, end = self._bit >> 3, (self._bit + count * size + 7) >> 3
@@ -227,14 +215,14 @@ class Reader(Coder):
     def _whole_pairs(self, most: int) -> tuple[U4, int]:
         """The legal pairs of `uv` that come next, (n, 2) u4 with n <= most, and the bytes they take."""
         first = self._bit >> 3
-        data = np.frombuffer(self._data[first : first + 10 * most], np.uint8)
-        ends = np.flatnonzero(data < 0x80)[: 2 * most]
+        data = np.frombuffer(self._data[first : first + 10 * most], np.uint8)  # two of five bytes each at most
+        ends = np.flatnonzero(data < 0x80)[: 2 * most]  # bit 7 says that more follow
         starts = np.concatenate([np.zeros(1, np.int64), ends[:-1] + 1])[: len(ends)]
         sizes = ends - starts + 1
         last = data[ends]
-        legal = (sizes <= 4) | ((sizes == 5) & (last < 0x10))
-        legal &= (sizes == 1) | (last != 0)
-        good = (int(np.argmin(legal)) if not legal.all() else len(legal)) // 2 * 2
+        legal = (sizes <= 4) | ((sizes == 5) & (last < 0x10))  # below 2^32
+        legal &= (sizes == 1) | (last != 0)  # in no more bytes than needed
+        good = (int(np.argmin(legal)) if not legal.all() else len(legal)) // 2 * 2  # whole pairs before the first fault
         values = np.zeros(good, np.uint32)
         for group in range(int(sizes[:good].max(initial=0))):
             part = sizes[:good] > group

@@ -14,20 +14,12 @@ from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST, golomb_bits
 
 
 class Writer(Coder):
-    """A Coder that writes the values it is given, and refuses what no reader would accept.
-
-    Parameters
-    ----------
-    first_bit
-        Offset in bits of what is written from the start of the stream.
-    trace
-        Called with each `Element` written.
-    """
+    """A Coder that writes the values it is given, and refuses what no reader would accept."""
 
     def __init__(self, first_bit: int = 0, trace: Callable[[Element], None] | None = None) -> None:
         super().__init__(first_bit, trace)
         self._bytes = bytearray()
-        self._pending = 0
+        self._pending = 0  # the last bits, fewer than eight, which fill no byte yet
         self._pending_bits = 0
 
     @property

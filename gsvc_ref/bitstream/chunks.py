@@ -32,7 +32,7 @@ FRAMES: Final = frozenset(b"IPR")
 """Chunk types of frames."""
 
 PRIVATE: Final = frozenset(b"pqrs")
-"""Ancillary chunk types that anybody may use, behind a UUID."""
+"""Ancillary chunk types that anybody may use, after a UUID."""
 
 UUID_SIZE: Final = 16
 """Bytes of a UUID (RFC 9562)."""
@@ -115,13 +115,7 @@ def belongs_to_frame(chunk_type: int) -> bool:
 
 
 def check_private(chunk_type: int, payload: Bytes) -> None:
-    """Refuse a payload of an ancillary chunk that lacks what its type demands (R-6.2-8).
-
-    Raises
-    ------
-    UsageError
-        A private chunk has no UUID.
-    """
+    """Refuse a payload of an ancillary chunk that lacks what its type demands: a private one, its UUID (R-6.2-8)."""
     if chunk_type in PRIVATE and len(payload) < UUID_SIZE:
         raise UsageError(
             f"a chunk of the private type {chr(chunk_type)} has {len(payload)} bytes; begin it with a UUID of "
@@ -141,16 +135,9 @@ def frame_type_of(chunk_type: int) -> Literal["I", "P", "R"]:
 
 
 def index(s: Coder, index_offset: int, steps: U4 | None = None) -> None:
-    """index() of spec.md section 6.7.
+    """index() of spec.md section 6.7, in a stream whose index chunk begins at byte `index_offset`.
 
-    Parameters
-    ----------
-    s
-        The bits.
-    index_offset
-        The offset in bytes of the index chunk, before which all offsets lie.
-    steps
-        (entry_count, 2) u4 with columns `frame_number_step`, `offset_step`: what a Writer writes.
+    `steps` (entry_count, 2) u4, with columns `frame_number_step` and `offset_step`, is what a Writer writes.
     """
     last = np.zeros(2, np.int64)  # frame number and offset
     with s.part("index"):
@@ -183,7 +170,7 @@ def end(s: Coder, frame_count: int = 0, index_length: int = 0) -> tuple[int, int
 
 
 def check_ancillary_type(chunk_type: str) -> int:
-    """The code of a type that an application may give an ancillary chunk of its own: a lower-case letter but `x`."""
+    """The code of a type that an application may give its ancillary chunk: a lower-case letter other than `x`."""
     if len(chunk_type) != 1 or not chunk_type.isascii() or not chunk_type.islower() or chunk_type == "x":
         raise UsageError(
             f"the type of an ancillary chunk is {chunk_type!r}; it must be a lower-case ASCII letter but x"

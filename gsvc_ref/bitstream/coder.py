@@ -85,55 +85,27 @@ Bytes = bytes | bytearray | memoryview
 
 @dataclass(frozen=True)
 class Element:
-    """One syntax element, or a run of equal ones, in a stream.
+    """One syntax element, or a run of equal ones, in a stream."""
 
-    Attributes
-    ----------
-    bit
-        Offset of its first bit from the start of the stream.
-    bits
-        Its size in bits.
-    category
-        One of `CATEGORIES` or `MAIN_CATEGORIES`.
-    name
-        Its name in spec.md, after that of the plane or channel that it is part of, if any.
-    value
-        An int, a float, or an array for a run; None for the element at fault, if what is there is no such element.
-    block
-        The kind of the splat block that it stands in, intra or inter; empty outside of blocks.
-    """
-
-    bit: int
-    bits: int
-    category: str
-    name: str
-    value: Any
-    block: str = ""
+    bit: int  # offset of its first bit from the start of the stream
+    bits: int  # its size
+    category: str  # one of `CATEGORIES` or `MAIN_CATEGORIES`
+    name: str  # that of spec.md, after the name of its plane or channel, if any
+    value: Any  # int, float, or an array for a run; None for the element at fault, if the bits are no such element
+    block: str = ""  # the kind of its splat block, intra or inter; empty outside of blocks
 
 
 class Coder(ABC):
-    """Bits in the making or under examination by descriptors (R-3.1-5), and an account of them.
-
-    Attributes
-    ----------
-    bits
-        Number of bits of each (category, element).
-    element_bit
-        Offset in bits, from the start of the stream, of the element coded last.
-    first_bit
-        Offset in bits, from the start of the stream, of the first element.
-    block
-        The kind of the splat block that is coded; empty outside of blocks.
-    """
+    """Bits in the making or under examination by descriptors (R-3.1-5), and an account of them."""
 
     def __init__(self, first_bit: int = 0, trace: Callable[[Element], None] | None = None) -> None:
-        self.bits: Counter[tuple[str, str]] = Counter()
-        self.element_bit = first_bit
-        self.first_bit = first_bit
+        self.bits: Counter[tuple[str, str]] = Counter()  # number of bits by (category, element)
+        self.element_bit = first_bit  # offset from the start of the stream of the element coded last
+        self.first_bit = first_bit  # that of the first element
         self._trace = trace
         self._category = "container"
         self._prefix = ""
-        self.block = ""
+        self.block = ""  # the kind of the splat block that is coded; empty outside of blocks
 
     @property
     @abstractmethod
@@ -163,7 +135,7 @@ class Coder(ABC):
         return counts
 
     def divide(self, category: str, parts: Mapping[str, int]) -> None:
-        """Count bits of a category to parts of it instead, of each part so many, as long as there are some."""
+        """Count bits of a category to its parts instead, as many as `parts` gives each, as long as there are some."""
         left = self.bits_by_category()[category]
         for part, wanted in parts.items():
             bits = min(wanted, left)

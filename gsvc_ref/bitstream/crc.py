@@ -39,7 +39,7 @@ _TABLES: Final = _tables()
 
 @kernel()
 def _crc32c_kernel(data: NDArray[np.uint8], register: np.int64, tables: NDArray[np.uint32]) -> np.int64:
-    """Eight bytes at a time: the CRC is linear, so each byte's share is looked up on its own."""
+    """Eight bytes at a time: the CRC is linear, so that each byte's share is found by one look-up."""
     size = len(data)
     whole = size - size % 8
     for at in range(0, whole, 8):
@@ -48,7 +48,7 @@ def _crc32c_kernel(data: NDArray[np.uint8], register: np.int64, tables: NDArray[
             ^ np.int64(tables[6, ((register >> 8) ^ data[at + 1]) & 0xFF])
             ^ np.int64(tables[5, ((register >> 16) ^ data[at + 2]) & 0xFF])
             ^ np.int64(tables[4, ((register >> 24) ^ data[at + 3]) & 0xFF])
-            ^ np.int64(tables[3, data[at + 4]])
+            ^ np.int64(tables[3, data[at + 4]])  # the register has four bytes: the others enter alone
             ^ np.int64(tables[2, data[at + 5]])
             ^ np.int64(tables[1, data[at + 6]])
             ^ np.int64(tables[0, data[at + 7]])
@@ -68,7 +68,7 @@ def crc32c(data: bytes | bytearray | memoryview, crc: int = 0) -> int:
 
 
 def _crc32c_of_bytes(data: bytes, register: int) -> int:
-    """Twin of `_crc32c_kernel` for Python's own numbers: ten times as fast as that kernel when it is not compiled."""
+    """`_crc32c_kernel` for Python's integers: ten times as fast as that kernel when it is not compiled."""
     table = CRC_TABLE.tolist()
     for byte in data:
         register = register >> 8 ^ table[(register ^ byte) & 0xFF]
@@ -114,6 +114,7 @@ def _after_zeros(register: np.int64, size: int, zero_tables: NDArray[np.uint32])
     """The register `size` zero bytes later."""
     k = 0
     while size > 0:
+        # The binary digits of the number of bytes: one table for each power of two.
         if size & 1:
             register = (
                 np.int64(zero_tables[k, 0, register & 0xFF])
@@ -147,23 +148,16 @@ def crc32c_of_part(
 ) -> np.int64:
     """CRC-32C of data[first:end] in a time that does not depend on its length.
 
-    The register is a linear function of what it began as and of the data. So the register at `end` is that of the part
-    alone, begun as FFFFFFFF, plus what (register at `first` + FFFFFFFF) has become after end - first zero bytes.
-
-    Parameters
-    ----------
-    data, kept
-        Bytes, and what `registers` made of them.
-    first, end
-        Half-open range of bytes.
-    zero_tables
-        `ZERO_TABLES`.
+    `kept` is what `registers` made of the data. The register is a linear function of what it began as and of the data.
+    So the register at `end` is that of the part alone, begun as FFFFFFFF, plus what (register at `first` + FFFFFFFF)
+    has become after end - first zero bytes.
     """
     before = _register_at(data, kept, first, zero_tables) ^ 0xFFFFFFFF
     after = _register_at(data, kept, end, zero_tables)
     return after ^ _after_zeros(before, end - first, zero_tables) ^ 0xFFFFFFFF
 
 
+# twin of spec.parameter_checksum
 @door
 def parameter_checksum(parameters: Splats | ArrayLike) -> int:
     """`parameter_checksum` of a frame (R-6.4-3).

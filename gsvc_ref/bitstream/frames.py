@@ -36,20 +36,9 @@ def frame(
     frame_number: int,
     given: FrameElements | None = None,
 ) -> FrameElements:
-    """frame() of spec.md section 6.4.
+    """frame() of spec.md section 6.4: the frame `frame_number` after the frame before has left `state`.
 
-    Parameters
-    ----------
-    s, header
-        The bits, and the stream's sequence header.
-    state
-        The state after the frame before.
-    frame_type
-        The frame type, which the chunk type tells.
-    frame_number
-        The number that the frame must have.
-    given
-        The frame that a Writer writes; its blocks must fit `state`.
+    `given` is the frame that a Writer writes; its blocks must fit `state`.
     """
     told = given or FrameElements(frame_number, None, NO_FRAME_CODES)
     head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)

@@ -36,7 +36,7 @@ def savings() -> F8:
     z = 1 / (2 * np.arange(1, MAX_UNITS + 1) + 1.0)
     total = np.zeros_like(z)
     for k in reversed(range(SERIES)):
-        total = total * (z * z) + 1 / (2 * k + 1)
+        total = total * (z * z) + 1 / (2 * k + 1)  # smallest terms first
     return np.concatenate([[np.inf], total * z * (2 / LN_2)])
 
 
@@ -49,10 +49,7 @@ def log2_table() -> F8:
 def normalized_frequencies(counts: I8, table_bits: int) -> I8:
     """The definition: integers (n,) i8 that add up to 2^table_bits, at least 1 where a symbol occurs, of least cost.
 
-    Raises
-    ------
-    UsageError
-        More symbols occur than a table of 2^table_bits can hold.
+    A UsageError says that more symbols occur than there are units.
     """
     frequencies = (counts > 0).astype(np.int64)
     units = (1 << table_bits) - int(frequencies.sum())
@@ -95,6 +92,7 @@ def _give_units(n: I8, f: I8, units: int, saved: F8, saves: F8, heap: I8) -> Non
         symbol = heap[0]
         f[symbol] += 1
         saves[symbol] = n[symbol] * saved[f[symbol]]
+        # Sift down: only the saving of the symbol at the top has changed.
         place = 0
         while True:
             child = 2 * place + 1

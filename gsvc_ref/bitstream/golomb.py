@@ -32,7 +32,7 @@ def golomb_sizes(values: I8, order: ArrayLike) -> I8:
 
 @kernel()
 def golomb_totals(values: I8) -> I8:
-    """Twin of `golomb_sizes`, summed over the values, for the orders 0..15: (16,) i8."""
+    """`golomb_sizes` summed over the values, for the orders 0..15: (16,) i8."""
     totals = np.zeros(GOLOMB_ORDERS, np.int64)
     for value in values:
         for k in range(GOLOMB_ORDERS):
@@ -71,6 +71,7 @@ def decode_golombs(data: NDArray[np.uint8], first_bit: int, order: int, values: 
             return UNDERFLOW, start
         value: int | np.int64 = 0
         for _ in range(1 + z + order):
+            # z zeros are followed by z + order + 1 bits of the value + 2^order
             value = (value << 1) | ((np.int64(data[bit >> 3]) >> (7 - (bit & 7))) & 1)
             bit += 1
         values[i] = value - (1 << order)

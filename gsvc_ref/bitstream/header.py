@@ -28,7 +28,7 @@ LEVELS: Final[dict[int, Level]] = {
 }
 
 HIGHEST_LEVEL: Final = max(LEVELS)
-"""The level that a decoder is made for unless it is told another one (R-5-5)."""
+"""The level that a decoder is made for by default (R-5-5)."""
 
 PER_SECOND: Final = Level(64, 64, 8, 1)
 """The limits of a second of a paced stream (R-5-7), in those of a frame; that of the payload is one of whole chunks."""
@@ -41,13 +41,7 @@ LONGEST_HEADER: Final = 1024
 
 
 def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payload: int = 0) -> int:
-    """The least level for frames of `width` by `height` pixels with that many splats, work and bytes of a chunk.
-
-    Raises
-    ------
-    UsageError
-        Even the highest level does not allow it.
-    """
+    """The least level for frames of `width` by `height` pixels with that many splats, work and bytes of a chunk."""
     for number, level in LEVELS.items():
         allowed = (level.pixels, level.splats, level.work, level.payload)
         if all(need <= most for need, most in zip((width * height, splats, work, payload), allowed, strict=True)):
@@ -81,37 +75,28 @@ _OF_PROFILE: Final = (
         ("layer_count", 1, 1, MOST_LAYERS),
     ),
 )
-"""Behind `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
+"""After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SequenceHeader:
     """The sequence header, element by element as in spec.md sections 6.3 and 15.2.
 
-    `parameter_checksum_flag` and `paced_flag` are the flags of these names in `flags`; `frame_count` 0 is unknown.
     Descriptive elements are as the stream says them, also beyond their ranges: `sample_aspect_ratio` and
-    `gsvc_ref.stream.formats.video_format` read them (R-6.3-3).
-
-    `layer_count` is an element of profile `main` alone, and `cholesky_bits` to `entropy_precision` of profile `paper`
-    alone: in the other one they keep the value that they have here.
-
-    Raises
-    ------
-    UsageError
-        A value is not allowed; the message names the rule.
+    `gsvc_ref.stream.formats.video_format` read them (R-6.3-3). A UsageError names the rule that a value breaks.
     """
 
     profile: int = PAPER
     level: int
-    parameter_checksum_flag: bool = False
-    paced_flag: bool = False
+    parameter_checksum_flag: bool = False  # in `flags`
+    paced_flag: bool = False  # in `flags`
     width: int
     height: int
     frame_rate_numerator: int = 25
     frame_rate_denominator: int = 1
     sample_aspect_numerator: int = 0
     sample_aspect_denominator: int = 0
-    frame_count: int = 0
+    frame_count: int = 0  # unknown
     bit_depth: int = 8
     chroma_format: int = 0
     color_primaries: int = 1
@@ -119,12 +104,13 @@ class SequenceHeader:
     matrix_coefficients: int = 0
     video_full_range_flag: int = 1
     chroma_sample_loc_type: int = 0
+    # Up to `entropy_precision` of profile `paper` alone: in `main` they keep these values.
     cholesky_bits: int = 6
     color_stages: int = 2
     color_codewords: int = 8
     entropy_precision: int = 14
     lane_count: int = 1
-    layer_count: int = 1
+    layer_count: int = 1  # of profile `main` alone
 
     def __post_init__(self) -> None:
         written = _header_elements(Writer(), self)
@@ -231,13 +217,7 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
 
 
 def check_descriptive(header: SequenceHeader) -> None:
-    """Refuse what an encoder must not say of its source (R-6.3-4), though every decoder reads it.
-
-    Raises
-    ------
-    UsageError
-        A descriptive element is not in its range; the message names it.
-    """
+    """Refuse what an encoder must not say of its source (R-6.3-4), though every decoder reads it."""
     aspect = header.sample_aspect_numerator, header.sample_aspect_denominator
     if (aspect[0] == 0) != (aspect[1] == 0):
         raise UsageError(f"the sample aspect ratio is {aspect[0]}:{aspect[1]}; write 0:0 (unknown), or no 0 (R-6.3-4)")

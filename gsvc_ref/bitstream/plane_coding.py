@@ -28,31 +28,18 @@ TABLE_HEAD_BITS: Final = 2 + 5 + 4
 
 @dataclass(frozen=True, eq=False)
 class PlaneCode:
-    """The elements of a plane with the names of spec.md section 6.6.
-
-    Attributes
-    ----------
-    plane_mode
-        `CONSTANT`, `RAW` or `CODED`.
-    symbols
-        (count,) u2.
-    table_bits, golomb_order, first_symbol, last_symbol
-        The table of a coded plane; `first_symbol` is also the symbol of a constant one.
-    frequencies
-        (last_symbol - first_symbol + 1,) i8, adding up to 2^table_bits.
-    states, words
-        (lanes,) u4 and (word_count,) u2 of a coded plane.
-    """
+    """The elements of a plane with the names of spec.md section 6.6."""
 
     plane_mode: int = CONSTANT
-    symbols: U2 = field(default_factory=lambda: np.empty(0, np.uint16))
+    symbols: U2 = field(default_factory=lambda: np.empty(0, np.uint16))  # (count,)
+    # The table of a coded plane; `first_symbol` is also the symbol of a constant one.
     table_bits: int = 0
     golomb_order: int = 0
     first_symbol: int = 0
     last_symbol: int = 0
-    frequencies: I8 = field(default_factory=lambda: np.empty(0, np.int64))
-    states: U4 = field(default_factory=lambda: np.empty(0, np.uint32))
-    words: U2 = field(default_factory=lambda: np.empty(0, np.uint16))
+    frequencies: I8 = field(default_factory=lambda: np.empty(0, np.int64))  # from first to last; sum 2^table_bits
+    states: U4 = field(default_factory=lambda: np.empty(0, np.uint32))  # (lanes,)
+    words: U2 = field(default_factory=lambda: np.empty(0, np.uint16))  # (word_count,)
 
     def size(self, alphabet: int) -> int:
         """The bytes that the plane takes."""
@@ -75,10 +62,7 @@ def best_golomb_order(frequencies: I8) -> tuple[int, int]:
 def choose_plane_code(symbols: NDArray[np.integer], alphabet: int, header: SequenceHeader) -> PlaneCode:
     """The smallest code for symbols (count,), count > 0, that was found among constant, raw and coded ones.
 
-    Raises
-    ------
-    UsageError
-        A symbol is not below `alphabet` (R-6.6-2).
+    A symbol that is not below `alphabet` raises a UsageError (R-6.6-2).
     """
     row: U2 = np.array(symbols, np.uint16)
     first, last = int(row.min()), int(row.max())

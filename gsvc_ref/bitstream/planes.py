@@ -51,6 +51,7 @@ def plane(
     return read
 
 
+# twin of spec.decode_plane
 @door
 def decode_plane(data: ArrayLike, count: int, alphabet: int, entropy_precision: int, lane_count: int) -> U2:
     """The symbols of one plane, by (7-1).

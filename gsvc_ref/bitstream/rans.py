@@ -34,9 +34,9 @@ def decode_kernel(frequencies: I8, first_symbol: int, precision: int, states: I8
         for lane in range(min(lanes, count - base)):
             x = states[lane]
             slot = x & mask
-            s = np.int64(symbol_of_slot[slot])
+            s = np.int64(symbol_of_slot[slot])  # less `first_symbol`
             x = frequencies[s] * (x >> precision) + slot - cumulative[s]
-            if x < LOWEST_STATE:
+            if x < LOWEST_STATE:  # one word is enough: x >= f (x >> R) >= 1
                 if taken == len(words):
                     return -1
                 x = (x << 16) | np.int64(words[taken])  # (7-1)
@@ -51,6 +51,7 @@ def encode_kernel(symbols: U2, frequencies: I8, first_symbol: int, precision: in
     """Encode symbols backwards, to the end of `words` (count,) u2, update `states`, and return the number of words."""
     cumulative = np.cumsum(frequencies) - frequencies
     lanes, first_word = len(states), len(words)
+    # From the last symbol to the first: what is put in last comes out first.
     for i in range(len(symbols) - 1, -1, -1):
         s = np.int64(symbols[i]) - first_symbol
         frequency = frequencies[s]
@@ -73,6 +74,7 @@ class EncodedPlane(NamedTuple):
     """(word_count,)"""
 
 
+# twin of spec.encode_plane
 @door
 def encode_plane(
     symbols: ArrayLike, frequencies: ArrayLike, entropy_precision: int, lane_count: int, first_symbol: int = 0

@@ -34,13 +34,7 @@ Run = tuple[int, int]
 def times(
     s: Coder, ticks_per_second: int = 0, first_frame: int = 0, runs: Sequence[Run] = ()
 ) -> tuple[int, int, list[Run]]:
-    """The elements of a chunk `t`; the values that a Reader finds, of which R-6.11-1 is checked.
-
-    Raises
-    ------
-    GsvcError
-        They are no such elements; a reader of streams ignores the chunk.
-    """
+    """The elements of a chunk `t`; the values that a Reader finds, of which R-6.11-1 is checked."""
     ticks_per_second = s.uv("ticks_per_second", ticks_per_second)
     first_frame = s.uv("first_frame", first_frame)
     run_count = s.uv("run_count", len(runs))
@@ -70,13 +64,7 @@ def read_times(payload: Bytes) -> tuple[int, int, list[Run]] | None:
 
 
 def write_times(ticks_per_second: int, first_frame: int, runs: Sequence[Run]) -> bytes:
-    """The payload of a chunk `t`.
-
-    Raises
-    ------
-    UsageError
-        The values break R-6.11-1.
-    """
+    """The payload of a chunk `t`; a UsageError says that the values break R-6.11-1."""
     least = min((min(run) for run in runs), default=1)
     most = max((max(run) for run in runs), default=1)
     end = first_frame + sum(frames for frames, _ in runs)
@@ -89,23 +77,12 @@ def write_times(ticks_per_second: int, first_frame: int, runs: Sequence[Run]) ->
 
 
 class FrameTimes:
-    """When the frames of a stream are shown.
-
-    Parameters
-    ----------
-    frame_rate
-        Frames per second of those that no run has.
-
-    Attributes
-    ----------
-    ticks_per_second
-        Ticks of a second; None while no run is known.
-    """
+    """When the frames of a stream are shown; those that no run has, by the frame rate."""
 
     def __init__(self, frame_rate: Fraction) -> None:
         self._usual = 1 / frame_rate
-        self.ticks_per_second: int | None = None
-        # Of each run its first frame, the frame behind it, and the ticks of each; of all runs before, frames and ticks.
+        self.ticks_per_second: int | None = None  # None while no run is known
+        # Of each run its first frame, the frame after it, and the ticks of each; of all runs before, frames and ticks.
         self._firsts, self._ends, self._ticks = array("Q"), array("Q"), array("Q")
         self._frames_before, self._ticks_before = array("Q"), array("Q")
 

@@ -23,12 +23,14 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
         if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not np.isfinite(total):
             continue
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
+        # whole pixels, clamped to the frame
         columns = max(0.0, min(width, np.ceil(x + e_x)) - max(0.0, np.floor(x - e_x)))
         rows = max(0.0, min(height, np.ceil(y + e_y)) - max(0.0, np.floor(y - e_y)))
         work += columns * rows  # (5-1)
     return work
 
 
+# twin of spec.rendering_work
 @door
 def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> int:
     """The number of (splat, pixel) pairs in the splats' boxes on a frame, (5-1): the work that a level limits (R-5-4).

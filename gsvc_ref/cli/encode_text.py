@@ -38,9 +38,11 @@ FIT_SHARE: Final = 0.6
 
 def describe_settings(settings: "Settings", width: int, height: int) -> str:
     """The settings that matter most, in one line."""
+    from gsvc_ref.encoder.settings import MainSettings
+
     splats = plural(settings.most_splats(width, height), "splat")
     about = "about " if settings.profile == "main" else ""
-    if settings.layer_count > 1:
+    if isinstance(settings, MainSettings) and settings.layer_count > 1:
         goals = [f"{goal:g} dB" for goal in settings.layers] or [
             plural(goal, "splat") for goal in settings.layer_splats
         ]
@@ -50,7 +52,7 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
         rate = f"{goal} with at most {about}{splats} a frame"
     elif settings.psnr is not None:
         rate = f"at least {settings.psnr:g} dB with at most {about}{splats} a frame"
-    elif settings.quality is not None:
+    elif isinstance(settings, MainSettings) and settings.quality is not None:
         most = f"{'at most ' if settings.splats is None else ''}{about}"
         rate = f"quality {settings.quality} with {most}{splats} a frame"
     else:

@@ -17,7 +17,7 @@ ENOUGH: Final = 0.1
 I_TRIES, MOST_TRIES = 5, 10
 """The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
 
-FIRST_SLOPE, LEAST_SLOPE, MOST_SLOPE = 4.5, 2.0, 12.0
+FIRST_DB, LEAST_DB, MOST_DB = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
 
 MOST_DOUBLINGS: Final = 3.0
@@ -85,7 +85,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         What `make` made of it.
     """
     tried: dict[int, JudgedT] = {}
-    number, last, slope = first, first, FIRST_SLOPE
+    number, last, slope = first, first, FIRST_DB
     for attempt in range(MOST_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
@@ -96,7 +96,7 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
         if len(tried) > 1:
             low, high = (short, enough) if short and enough <= most else sorted((number, last))
             rise = (min(tried[high].psnr, BEST) - min(tried[low].psnr, BEST)) / float(log2(high / low))
-            slope = min(max(rise, LEAST_SLOPE), MOST_SLOPE)
+            slope = min(max(rise, LEAST_DB), MOST_DB)
         doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
         following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
         if following in tried or not 1 <= following <= most or (attempt >= I_TRIES - 1 and enough <= most):

@@ -132,6 +132,7 @@ class KeyFrameSelector:
         return is_key
 
 
+# twin of spec.select_key_frames
 @door
 def select_key_frames(
     losses_i: Sequence[float],
@@ -143,7 +144,7 @@ def select_key_frames(
     *,
     causal: bool = False,
 ) -> list[int]:
-    """Numbers of the key frames of a whole sequence, from 0, in order (R-10.9-1).
+    """The key frames of a whole sequence (R-10.9-1).
 
     Parameters
     ----------
@@ -155,6 +156,11 @@ def select_key_frames(
         The parameters of `KeyFrameSelector`.
     robust
         Whether the rule is ``robust``, not ``paper``.
+
+    Returns
+    -------
+    list[int]
+        Their numbers from 0, ascending.
 
     Raises
     ------

@@ -9,16 +9,16 @@ import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, I8
+from gsvc_ref.encoder.main.coordinates import to_coordinates, to_parameters
+from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.fitter import FIT_D, descend, fit
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.training import NEW, Growth
-from gsvc_ref.training.coordinates import to_coordinates, to_parameters
-from gsvc_ref.training.descent import Walk
 
 GROWTH: Final = Growth(end=0.45)
 """When the splats of an I-frame are added: early, so that the last ones find their places too."""
 
-GRADIENT_SHARE: Final = 0.5
+PRUNED_GRADIENT_SHARE: Final = 0.5
 """The share of its gradient's term by which a splat is judged before it is removed: a fit makes up for the rest. On 30
 frames of `carphone` and `bikes` at N = 700 1/4 and 1/2 gave the same within 0.2 dB; 1 took 0.4 dB from `carphone`."""
 
@@ -60,7 +60,7 @@ def exchanged(target: Target, parameters: F4, kept: int, new: int, rng: Generato
     """
     _, gradient = target.evaluate(parameters)
     colors = to_coordinates(parameters)[:, 5:8]  # (N, 3) f8
-    worth = (colors * (colors - GRADIENT_SHARE * gradient[:, 5:8])).sum(axis=1)
+    worth = (colors * (colors - PRUNED_GRADIENT_SHARE * gradient[:, 5:8])).sum(axis=1)
     stay = np.sort(np.argsort(-worth, kind="stable")[:kept])
     added = to_parameters(target.new_splats(new, kept + new, rng)) if new else parameters[:0]
     return np.concatenate([parameters[stay], added]), np.concatenate([stay, np.full(new, NEW)])

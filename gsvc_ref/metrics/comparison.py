@@ -39,24 +39,12 @@ class VmafMeter(Protocol):
 
 @dataclass(frozen=True)
 class FrameComparison:
-    """The scores of one pair of frames.
+    """The scores of one pair of frames."""
 
-    Attributes
-    ----------
-    number
-        Frame number from 0.
-    mse
-        Mean squared error in squared sample steps.
-    psnr
-        dB; infinite when the frames are identical.
-    ms_ssim
-        0..1.
-    """
-
-    number: int
-    mse: float
-    psnr: float
-    ms_ssim: float
+    number: int  # from 0
+    mse: float  # in squared sample steps
+    psnr: float  # dB; infinite for identical frames
+    ms_ssim: float  # 0..1
 
     @property
     def identical(self) -> bool:
@@ -66,29 +54,15 @@ class FrameComparison:
 
 @dataclass(frozen=True)
 class Comparison:
-    """The scores of all pairs of frames of two videos, and what was left over.
-
-    Attributes
-    ----------
-    width, height
-        Size of the frames in pixels.
-    peak
-        Largest sample value, 2^bit_depth - 1.
-    frames
-        One entry per pair.
-    frames_missing_a, frames_missing_b
-        Frames that the other video has beyond this one's end; they enter no mean.
-    vmaf
-        VMAF of the pairs, or why there is none; None when it was not asked for.
-    """
+    """The scores of all pairs of frames of two videos, and what was left over."""
 
     width: int
     height: int
-    peak: int
-    frames: tuple[FrameComparison, ...]
-    frames_missing_a: int
+    peak: int  # 2^bit_depth - 1
+    frames: tuple[FrameComparison, ...]  # one entry per pair
+    frames_missing_a: int  # frames of the other video beyond this one's end; they enter no mean
     frames_missing_b: int
-    vmaf: Vmaf | None
+    vmaf: Vmaf | None  # or why there is none; None when it was not asked for
 
     @property
     def mean_psnr(self) -> float:
@@ -169,29 +143,11 @@ def compare_frames(
     with_vmaf: bool = False,
     on_frame: Callable[[FrameComparison], None] | None = None,
 ) -> Comparison:
-    """Compare two videos frame by frame in constant memory (but for the scores).
+    """Compare two videos frame by frame, (H, W, 3) u1 or u2, in memory that grows with the scores alone.
 
-    When one video is longer, the pairs are compared, the rest is counted and the result's notes say so.
-
-    Parameters
-    ----------
-    a, b
-        (H, W, 3) u1 or u2 frames, each read once; `a` is the original, which VMAF calls the reference.
-    peak
-        Largest sample value of both, 2^bit_depth - 1.
-    frame_rate
-        Frames per second, for VMAF.
-    with_vmaf
-        Also compute VMAF, where gsvc_tools finds an ffmpeg with libvmaf.
-    on_frame
-        Called with every pair's scores as they are known.
-
-    Raises
-    ------
-    GsvcError
-        ``invalid``: a video has no frames, or the sizes of two frames differ.
-    UsageError
-        A frame is of the wrong shape or type or exceeds the peak, or the frame rate is not positive.
+    When one video is longer, the pairs are compared, the rest is counted and the result's notes say so. `a` is the
+    original, which VMAF calls the reference; gsvc_tools finds an ffmpeg with libvmaf for it. A GsvcError ``invalid``
+    says that a video has no frames, or that the sizes of two frames differ.
     """
     frames: list[FrameComparison] = []
     missing_a = missing_b = 0

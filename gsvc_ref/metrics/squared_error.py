@@ -13,14 +13,7 @@ MAX_PEAK: Final = 2**16 - 1
 
 
 def check_pair(a: Frame, b: Frame, peak: int) -> None:
-    """Refuse two frames that cannot be compared.
-
-    Raises
-    ------
-    UsageError
-        A frame is not (H, W, 3) u1 or u2, is empty or holds a value above `peak`; the sizes differ; `peak` is not
-        in 1..65535.
-    """
+    """Refuse two frames that are not (H, W, 3) u1 or u2 of one size with values up to `peak`, 1..65535."""
     if not 1 <= peak <= MAX_PEAK:
         raise UsageError(f"peak is {peak}; it must be the largest sample value, 1..{MAX_PEAK} (8 bits: 255)")
     for name, frame in (("first", a), ("second", b)):
@@ -36,20 +29,7 @@ def check_pair(a: Frame, b: Frame, peak: int) -> None:
 
 
 def mse(a: Frame, b: Frame, peak: int) -> float:
-    """Mean over all pixels and the three channels of (a - b)^2, in squared sample steps; the sum is exact.
-
-    Parameters
-    ----------
-    a, b
-        (H, W, 3) u1 or u2 frames of one size.
-    peak
-        Largest sample value, 2^bit_depth - 1; only checked here.
-
-    Raises
-    ------
-    UsageError
-        The frames do not fit each other or the peak.
-    """
+    """Mean over all pixels and the three channels of (a - b)^2, in squared sample steps; the sum is exact."""
     check_pair(a, b, peak)
     difference = np.subtract(a, b, dtype=np.int32 if peak <= 0xFF else np.int64)  # (H, W, 3) i4 or i8
     np.square(difference, out=difference)
@@ -57,13 +37,7 @@ def mse(a: Frame, b: Frame, peak: int) -> float:
 
 
 def psnr_from_mse(mean_squared_error: float, peak: int) -> float:
-    """10 log10(peak^2 / MSE) in dB; infinite for an error of zero.
-
-    Raises
-    ------
-    UsageError
-        The error is negative or not a number.
-    """
+    """10 log10(peak^2 / MSE) in dB; infinite for an error of zero."""
     if not mean_squared_error >= 0:
         raise UsageError(f"the mean squared error is {mean_squared_error}; it must be 0 or more")
     if mean_squared_error == 0:

@@ -138,6 +138,7 @@ def mean_similarity(x: F8, y: F8, vertical: F8, horizontal: F8, c1: float, c2: f
                 for column in range(columns):
                     filtered[moment, column] += weight * moments[moment, column + tap]
         for column in range(columns):
+            # Of p = x + y and m = x - y: mu_x mu_y = (square_plus - square_minus) / 4, and so for the rest.
             square_plus = filtered[0, column] ** 2
             square_minus = filtered[1, column] ** 2
             variance_plus = filtered[2, column] - square_plus

@@ -19,7 +19,7 @@ from gsvc_ref.paper.half import from_half, to_half
 from gsvc_ref.paper.rvq import Indices, residuals
 
 Draw = Callable[[int], F8]
-"""A function that gives the number of uniform numbers in [0, 1) that it is asked for."""
+"""A function that draws a number of uniform numbers in [0, 1)."""
 
 REVIVED_COUNT: Final = 1.0
 """Moving count of a codeword that replaces a dead one: as if one splat had always used it."""
@@ -36,6 +36,7 @@ class RvqUpdate(NamedTuple):
     """(K, 3), values of binary16."""
 
 
+# twin of spec.rvq_update
 @door
 def rvq_update(
     x: ArrayLike,
@@ -119,14 +120,14 @@ def updated(
     batch_counts, batch_sums = totals(x, w, indices, codebooks, ends)
     counts = decay * counts + (1 - decay) * batch_counts  # (K,) f8
     sums = decay * sums + (1 - decay) * batch_sums  # (10-22), (K, 3) f8
-    total = np.repeat(np.add.reduceat(counts, starts), sizes)
+    total = np.repeat(np.add.reduceat(counts, starts), sizes)  # n of each stage, beside each of its codewords
     smoothed = (counts + smoothing) / (total + np.repeat(sizes, sizes) * smoothing) * total
     codebook = np.where(
         smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], codebooks
     )  # (10-23)
-    dead = counts < dead_count
+    dead = counts < dead_count  # R-10.6-4
     if zero_codeword:
-        dead[starts] = False
+        dead[starts] = False  # it stands for "no difference"
     if dead.any():
         r = residuals(x, indices, sizes, codebooks)  # (M + 1, N, 3) f4
         for k, stage in enumerate(slice(first, end) for first, end in zip(starts.tolist(), ends.tolist(), strict=True)):
@@ -164,6 +165,6 @@ def totals(x: F4, w: F8, indices: Indices, books: F4, ends: NDArray[np.int64]) -
             counts[place] += w[n]
             for c in range(3):
                 sums[place, c] += w[n] * np.float64(r[c])
-                r[c] -= books[place, c]
+                r[c] -= books[place, c]  # what the next stage gets, in binary32 as (10-20)
             first = ends[k]
     return counts, sums

@@ -35,18 +35,10 @@ def _checked(value: object, name: str, dtype: type[np.generic], columns: int | N
 
 @dataclass(frozen=True, eq=False)
 class Quantizer:
-    """Scale and offset of the three Cholesky channels l11, l21, l22: a code q stands for q·scale + offset.
+    """Scale and offset of the three Cholesky channels l11, l21, l22: a code q stands for q·scale + offset."""
 
-    Attributes
-    ----------
-    scale
-        (3,) f4, `cholesky_scale` in pixels, positive normal numbers.
-    offset
-        (3,) f4, `cholesky_offset` in pixels.
-    """
-
-    scale: F4
-    offset: F4
+    scale: F4  # (3,) pixels, positive normal numbers
+    offset: F4  # (3,) pixels
 
     def __post_init__(self) -> None:
         for name in ("scale", "offset"):
@@ -72,32 +64,13 @@ NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32)
 
 @dataclass(frozen=True, eq=False)
 class SplatBlock:
-    """The codes of `count` splats, values (intra) or differences (inter); None stands for "not present".
+    """The codes of `count` splats, values (intra) or differences (inter); None stands for "not present"."""
 
-    Attributes
-    ----------
-    positions
-        (count, 2) u2, bit patterns of binary16: x, y of the position normalised to -1..1 or of its difference; or None.
-    cholesky
-        (count, 3) u2, codes of l11, l21, l22, each below 2^`cholesky_bits`; or None.
-    colors
-        (count, stages) u2, `color_index` of each stage; or None.
-    quantizer
-        The block's own quantiser; None uses the one that decoders keep.
-    codebooks
-        The block's own codebooks, a (codewords, 3) f2 array for each stage; None uses the ones that decoders keep.
-
-    Raises
-    ------
-    UsageError
-        A shape or type does not fit.
-    """
-
-    positions: U2 | None = None
-    cholesky: U2 | None = None
-    colors: U2 | None = None
-    quantizer: Quantizer | None = None
-    codebooks: Codebooks | None = None
+    positions: U2 | None = None  # (count, 2) binary16 patterns of x, y normalised to -1..1, or of their differences
+    cholesky: U2 | None = None  # (count, 3) codes of l11, l21, l22, each below 2^`cholesky_bits`
+    colors: U2 | None = None  # (count, stages) `color_index` of each stage
+    quantizer: Quantizer | None = None  # None: the kept one
+    codebooks: Codebooks | None = None  # None: the kept ones
 
     def __post_init__(self) -> None:
         for name, columns in (("positions", 2), ("cholesky", 3), ("colors", None)):
@@ -138,24 +111,12 @@ class SplatBlock:
 
 @dataclass(frozen=True, eq=False)
 class FrameCodes:
-    """All codes of one frame; build it with `intra_frame`, `predicted_frame` or `repeated_frame`.
-
-    Attributes
-    ----------
-    type
-        ``I``, ``P`` or ``R``.
-    survivors
-        (reference_count,) bool, `survivor_map`: which splats of the frame before stay; P-frames only.
-    inter
-        The differences of the survivors, in their order; None if there is no survivor.
-    intra
-        The splats of an I-frame or the new ones of a P-frame; None if there are none.
-    """
+    """All codes of one frame; build it with `intra_frame`, `predicted_frame` or `repeated_frame`."""
 
     type: FrameType
-    survivors: NDArray[np.bool_] | None = None
-    inter: SplatBlock | None = None
-    intra: SplatBlock | None = None
+    survivors: NDArray[np.bool_] | None = None  # (reference_count,) which splats stay; P-frames only
+    inter: SplatBlock | None = None  # differences of the survivors, in their order; None without survivors
+    intra: SplatBlock | None = None  # the splats of an I-frame, the new ones of a P-frame; None without
 
     def __post_init__(self) -> None:
         if self.type not in FRAME_TYPES:

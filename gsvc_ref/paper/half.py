@@ -25,6 +25,7 @@ EXPONENT_MASK: Final = 0x7C00
 """All exponent bits of a binary16: set in infinities and NaNs."""
 
 
+# twin of spec.to_half
 @door
 def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     """Patterns of the binary16 nearest to each value, ties to even (8-6), R-8-3.
@@ -51,6 +52,7 @@ def to_half(values: ArrayLike) -> NDArray[np.uint16]:
     return halves.view(np.uint16)
 
 
+# twin of spec.from_half
 @door
 def from_half(bits: ArrayLike) -> NDArray[np.float32]:
     """Values of 16-bit patterns, exactly (8-5), R-8-3.
@@ -82,27 +84,11 @@ def half_is_finite(bits: ArrayLike) -> NDArray[np.bool_]:
 
 
 def coarsen_half(values: ArrayLike, step_exponent: int) -> NDArray[np.float32]:
-    """Nearest multiples of 2^step_exponent that are binary16, ties to the even multiple.
+    """Nearest multiples of 2^step_exponent that are binary16, f4 of the same shape; ties to the even multiple.
 
     An encoder's choice: low fraction bits that are always zero cost an entropy coder nothing. From step exponent -24
-    downwards (the spacing of subnormals) this is plain rounding to binary16.
-
-    Parameters
-    ----------
-    values
-        Any shape, f4 or f8, any unit.
-    step_exponent
-        Binary logarithm of the step, in -24..15 to have an effect.
-
-    Returns
-    -------
-    NDArray[np.float32]
-        The same shape; every value is a binary16.
-
-    Raises
-    ------
-    UsageError
-        A value is NaN, or rounds to a number above 65504.
+    downwards (the spacing of subnormals) this is plain rounding to binary16. A value without a finite binary16 is a
+    UsageError.
     """
     wide = np.asarray(values, dtype=np.float64)
     flat = np.where(np.isfinite(wide), wide, 0.0).ravel()
@@ -122,7 +108,7 @@ def _coarsen(values: NDArray[np.float64], step_exponent: int) -> None:
 @kernel(inline=True)
 def nearest_half(value: float, step_exponent: int) -> float:
     """`coarsen_half` of one finite number; nothing is checked."""
-    exponent = max(math.frexp(value)[1] - 1, MIN_EXPONENT)
+    exponent = max(math.frexp(value)[1] - 1, MIN_EXPONENT)  # 2^exponent <= |value|; frexp gives 0.5..1
     step = math.ldexp(1.0, max(exponent - FRACTION_BITS, step_exponent))
     return float(np.rint(value / step) * step)
 

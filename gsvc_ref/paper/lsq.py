@@ -46,6 +46,7 @@ def largest_code(bits: int) -> int:
     return (1 << bits) - 1
 
 
+# twin of spec.lsq_quantize
 @door
 def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -> Codes:
     """Codes of values: round half to even of the clamped fl(fl(x - beta) / s), all in binary32.
@@ -80,6 +81,7 @@ def lsq_quantize(x: ArrayLike, scale: ArrayLike, offset: ArrayLike, bits: int) -
     return codes
 
 
+# twin of spec.lsq_dequantize
 @door
 def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     """Values of codes: fl(fl(q * s) + beta) in binary32, never fused; what every decoder computes bit for bit.
@@ -113,6 +115,7 @@ def lsq_dequantize(codes: ArrayLike, scale: ArrayLike, offset: ArrayLike) -> F4:
     return values
 
 
+# twin of spec.lsq_gradients
 @door
 def lsq_gradients(
     x: ArrayLike,
@@ -168,7 +171,7 @@ def lsq_gradients(
 
 @kernel()
 def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
-    """Twin of `spec.lsq_quantize`; False where a value is not finite."""
+    """`spec.lsq_quantize` without checks; False where a value is not finite."""
     finite = True
     for n in range(x.shape[0]):
         for c in range(x.shape[1]):
@@ -180,7 +183,7 @@ def _quantize(x: F4, s: F4, beta: F4, p: np.float32, codes: Codes) -> bool:
 
 @kernel()
 def dequantize_kernel(codes: Codes, s: F4, beta: F4, values: F4) -> bool:
-    """Twin of `spec.lsq_dequantize`; False where a value is not finite."""
+    """`spec.lsq_dequantize` without checks; False where a value is not finite."""
     finite = True
     for n in range(codes.shape[0]):
         for c in range(codes.shape[1]):
@@ -208,8 +211,9 @@ def gradients_plain(x: F4, s: F4, beta: F4, p: int, grad_output: F4) -> tuple[F4
 
 @kernel()
 def _gradients(x: F4, s: F4, beta: F4, p: np.float32, grad_output: F4, grad_x: F4, sums: F8) -> bool:
-    """Twin of `gradients_plain`; False where a value is not finite."""
+    """`gradients_plain`, with the same order of sums; False where a value is not finite."""
     finite = True
+    # Each channel apart, so that its sums run over the splats in their order, in binary64.
     for c in range(x.shape[1]):
         grad_s, grad_beta = 0.0, 0.0
         for n in range(x.shape[0]):

@@ -22,23 +22,10 @@ REFINEMENTS: Final = 4
 
 @dataclass(frozen=True, eq=False)
 class LsqParameters:
-    """Scale and offset of C channels, with which a decoder dequantizes them.
+    """Scale and offset of C channels, with which a decoder dequantizes them."""
 
-    Attributes
-    ----------
-    scale
-        (C,) f4, the step s of each channel, in the unit of the values; at least 2^-24.
-    offset
-        (C,) f4, the value beta of code 0 of each channel, in the unit of the values.
-
-    Raises
-    ------
-    UsageError
-        Shapes differ, a number is not finite, or a scale is below 2^-24.
-    """
-
-    scale: F4
-    offset: F4
+    scale: F4  # (C,) the step s of each channel, in the unit of the values, at least 2^-24
+    offset: F4  # (C,) the value beta of code 0 of each channel
 
     def __post_init__(self) -> None:
         scale, offset = (np.array(part, np.float32, ndmin=1) for part in (self.scale, self.offset))
@@ -75,24 +62,9 @@ def with_exact_zero(parameters: LsqParameters, bits: int) -> LsqParameters:
 
 
 def from_range(x: ArrayLike, bits: int) -> LsqParameters:
-    """Scale and offset whose codes span each channel from its smallest to its largest value.
+    """Scale and offset whose codes span each channel of x (N, C), N >= 1, from its smallest to its largest value.
 
-    Parameters
-    ----------
-    x
-        (N, C) f4 with N >= 1.
-    bits
-        b, 1..16.
-
-    Returns
-    -------
-    LsqParameters
-        beta = min, s = max((max - min) / p, 2^-24).
-
-    Raises
-    ------
-    UsageError
-        No values, a value is NaN or infinite, or bits is out of range.
+    beta = min, s = max((max - min) / p, 2^-24).
     """
     p, values = largest_code(bits), _checked_values(x)
     low, high = values.min(axis=0), values.max(axis=0)
@@ -100,30 +72,11 @@ def from_range(x: ArrayLike, bits: int) -> LsqParameters:
 
 
 def from_mse(x: ArrayLike, bits: int, weights: ArrayLike | None = None) -> LsqParameters:
-    """Scale and offset with a small mean squared quantisation error in each channel.
+    """Scale and offset with a small mean squared quantisation error in each channel of x (N, C), N >= 1.
 
     From 16 clipping ranges (4 fractions of the weight at either end), the codes and the least-squares scale and
     offset for these codes are found in turn; the best result wins. The first range is that of `from_range`, so the
-    error is never larger than there.
-
-    Parameters
-    ----------
-    x
-        (N, C) f4 with N >= 1.
-    bits
-        b, 1..16.
-    weights
-        (N,) or (N, C) f4, how much each squared error counts, at least 0; None counts all alike.
-
-    Returns
-    -------
-    LsqParameters
-        Deterministic: no random numbers.
-
-    Raises
-    ------
-    UsageError
-        As for `from_range`; or a weight is negative or not finite, or the shape of the weights does not fit.
+    error is never larger than there. The weights (N,) or (N, C), at least 0, say how much each squared error counts.
     """
     p, values = largest_code(bits), _checked_values(x)
     weight = _checked_weights(weights, values.shape)
@@ -148,6 +101,7 @@ def _search(x: F8, weight: F8, p: int) -> tuple[float, float]:
     low, high = (ends.ravel() for ends in np.meshgrid(x[lowest], x[highest], indexing="ij"))  # (16,)
     scale, offset = np.maximum((high - low) / p, SCALE_FLOOR), low
     best = (np.inf, scale[0], offset[0])
+    # All 16 starts side by side. Sorted values: each code takes a range, and its sums are two differences.
     for _ in range(REFINEMENTS + 1):
         parts = _sums_by_code(x, sums, scale, offset, p)
         error = _squared_error(parts, scale, offset, p)
@@ -179,7 +133,7 @@ def _least_squares(parts: F8, scale: F8, offset: F8, p: int) -> tuple[F8, F8]:
     # Sums rather than matrix products: these differ in their last bits from one kind of CPU to another.
     total, sum_q, sum_x = count.sum(axis=1), (count * q).sum(axis=1), first.sum(axis=1)
     determinant = total * (count * (q * q)).sum(axis=1) - sum_q * sum_q
-    solvable = determinant > 1e-9 * total * total
+    solvable = determinant > 1e-9 * total * total  # all values share one code: no line
     fitted = (total * (first * q).sum(axis=1) - sum_q * sum_x) / np.where(solvable, determinant, 1.0)
     new_scale = np.maximum(np.where(solvable, fitted, scale), SCALE_FLOOR)
     new_offset = (sum_x - new_scale * sum_q) / np.where(solvable, total, 1.0)

@@ -22,13 +22,13 @@ Columns = tuple[F4, F4, F4]
 class Codes(NamedTuple):
     """The codes of a block, with the quantiser and the codebooks that it uses; no rows of what is not present."""
 
-    positions: U2
-    cholesky: U2
-    scale: F4
-    offset: F4
-    color_indices: U2
-    codebook_sizes: I8
-    codewords: U2
+    positions: U2  # (n, 2) patterns of binary16
+    cholesky: U2  # (n, 3)
+    scale: F4  # (3,) pixels
+    offset: F4  # (3,) pixels
+    color_indices: U2  # (n, M)
+    codebook_sizes: I8  # (M,)
+    codewords: U2  # (K, 3) patterns of binary16, stage after stage
 
 
 _NO_PAIRS: Final[U2] = np.empty((0, 2), np.uint16)
@@ -57,23 +57,13 @@ class Kept:
 
 @dataclass(frozen=True)
 class State:
-    """All that a decoder carries from frame to frame; the encoder's closed loop carries the same.
-
-    Attributes
-    ----------
-    width, height
-        Size of the coded frame in pixels.
-    splats
-        The reconstructed splats of the frame before.
-    intra, inter
-        The quantiser and codebooks that are kept for intra and for inter blocks.
-    """
+    """All that a decoder carries from frame to frame; the encoder's closed loop carries the same."""
 
     width: int
     height: int
-    splats: Splats
-    intra: Kept = Kept()
-    inter: Kept = Kept()
+    splats: Splats  # reconstructed, of the frame before
+    intra: Kept = Kept()  # for intra blocks
+    inter: Kept = Kept()  # for inter blocks
 
     @classmethod
     def initial(cls, width: int, height: int) -> Self:
@@ -92,19 +82,8 @@ class State:
 def reconstruct(codes: FrameCodes, state: State) -> State:
     """Decode one frame's codes: the state after the frame, whose `splats` are the frame's splats.
 
-    Parameters
-    ----------
-    codes
-        The codes of the frame.
-    state
-        The state after the frame before; it is not changed.
-
-    Raises
-    ------
-    GsvcError
-        ``invalid``, R-8-1: a parameter is not finite.
-    UsageError
-        The codes do not fit the state or themselves, which those that a reader has read always do.
+    A parameter that is not finite raises a GsvcError ``invalid`` (R-8-1). Codes that do not fit the state or themselves
+    raise a UsageError; those that a reader has read always fit.
     """
     if codes.survivors is not None and len(codes.survivors) != len(state.splats):
         raise UsageError(f"survivors are {len(codes.survivors)} splats; the frame before has {len(state.splats)}")
@@ -124,6 +103,7 @@ def reconstruct(codes: FrameCodes, state: State) -> State:
     return replace(before, splats=_finite(parts), inter=kept_inter, intra=kept_intra)
 
 
+# twin of spec.reconstruct_intra
 @door
 def reconstruct_intra(
     width: int,
@@ -171,6 +151,7 @@ def reconstruct_intra(
     return _finite(_intra(width, height, codes))
 
 
+# twin of spec.reconstruct_inter
 @door
 def reconstruct_inter(
     width: int,
@@ -320,4 +301,5 @@ def _scaled_halves(bits: U2, addend: np.float32, width: int, height: int) -> F4:
 def _scaled_halves_kernel(bits: U2, values_of_halves: F4, addend: np.float32, half_size: F4, values: F4) -> None:
     for n in range(len(bits)):
         for c in range(2):
+            # Two binary32 roundings, addition first: see `_scaled_halves`.
             values[n, c] = (values_of_halves[bits[n, c]] + addend) * half_size[c]

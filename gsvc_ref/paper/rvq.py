@@ -34,6 +34,7 @@ class Commitment(NamedTuple):
     """(N, 3) f4."""
 
 
+# twin of spec.rvq_assign
 @door
 def rvq_assign(x: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Indices:
     """The nearest codeword of each vector in each stage, the lowest index on a tie (R-10.6-1).
@@ -68,24 +69,9 @@ def rvq_assign(x: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) ->
 
 
 def dequantize(indices: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> F4:
-    """The sum of the codewords in stage order: C^1[i^1] first, then one binary32 addition per further stage.
+    """The sum of the codewords in stage order, (N, 3) f4: C^1[i^1] first, then one binary32 addition per further stage.
 
-    Parameters
-    ----------
-    indices
-        (N, M) unsigned integers.
-    codebook_sizes, codebooks
-        As for `rvq_assign`.
-
-    Returns
-    -------
-    F4
-        (N, 3); what every decoder computes bit for bit.
-
-    Raises
-    ------
-    UsageError
-        An index is beyond its codebook, a shape or type does not fit, or a sum overflows binary32.
+    The indices are (N, M) unsigned integers. Every decoder computes the same bits.
     """
     sizes, books = _checked_codebooks(codebook_sizes, codebooks)
     chosen = _checked_indices(indices, sizes)
@@ -128,6 +114,7 @@ def residuals(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codeb
     return r
 
 
+# twin of spec.commitment
 @door
 def commitment(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, codebooks: ArrayLike) -> Commitment:
     """Mean squared r^k - stopgrad(C^k[i^k]), summed over the stages (R-10.6-2).
@@ -162,18 +149,10 @@ def commitment(x: ArrayLike, indices: ArrayLike, codebook_sizes: ArrayLike, code
 
 @kernel()
 def nearest_codewords(x: F4, books: F4, ends: NDArray[np.int64], chosen: Indices, errors: F4) -> None:
-    """The nearest codewords of all stages, and the sum of the residuals that they leave.
+    """The nearest codewords of all stages for x (N, 3), and the sum of the residuals that they leave.
 
-    Parameters
-    ----------
-    x
-        (N, 3) f4.
-    books, ends
-        The codebooks stage after stage, (K, 3) f4, and where each ends, (M,) i8.
-    chosen
-        (N, M) u2; filled with the codewords.
-    errors
-        (N, 3) f4; filled with r^2 + ... + r^(M+1).
+    `books` (K, 3) are the codebooks stage after stage, and `ends` (M,) is where each ends. Fills `chosen` (N, M) with
+    the codewords, and `errors` (N, 3) with r^2 + ... + r^(M+1).
     """
     planes = books.T.copy()  # contiguous over codewords, so that the first loop fills the vector lanes
     cost = np.empty(books.shape[0], np.float32)
@@ -187,10 +166,10 @@ def nearest_codewords(x: F4, books: F4, ends: NDArray[np.int64], chosen: Indices
             r0, r1, r2 = r[0], r[1], r[2]
             for b in range(red.size):
                 e0, e1, e2 = r0 - red[b], r1 - green[b], r2 - blue[b]
-                cost[b] = (e0 * e0 + e1 * e1) + e2 * e2
+                cost[b] = (e0 * e0 + e1 * e1) + e2 * e2  # a loop without a branch, so that it becomes vector code
             best, least = 0, cost[0]
             for b in range(1, red.size):
-                if cost[b] < least:
+                if cost[b] < least:  # strict: the lowest index on a tie
                     best, least = b, cost[b]
             chosen[n, k] = best
             for c in range(3):

@@ -26,36 +26,16 @@ from gsvc_ref.paper.rvq import MAX_CODEWORDS, Indices, flat, joined, residuals, 
 
 @dataclass(frozen=True)
 class RvqSettings:
-    """Numbers of codewords, and how they are learned.
+    """Numbers of codewords, and how they are learned."""
 
-    Attributes
-    ----------
-    codewords
-        Number of codewords B_k of each of the M stages. The default, two stages of 8, is the authors'.
-    decay
-        a above, in [0, 1).
-    smoothing
-        e above, at least 0.
-    dead_count
-        A codeword whose moving count n_b falls under this many splats is replaced by a residual of its stage, drawn
-        with a probability proportional to its weighted squared error; 0 never replaces.
-    kmeans_iterations
-        Lloyd iterations of the start.
-    zero_codeword
-        Keep codeword 0 of every stage at (0, 0, 0), so that a difference of nothing costs no error.
-
-    Raises
-    ------
-    UsageError
-        A number is out of its range.
-    """
-
-    codewords: tuple[int, ...] = (8, 8)
-    decay: float = 0.8
-    smoothing: float = 1e-5
+    codewords: tuple[int, ...] = (8, 8)  # B of each of the M stages; two stages of 8 are the authors'
+    decay: float = 0.8  # a, in [0, 1)
+    smoothing: float = 1e-5  # e, at least 0
     dead_count: float = 0.5
-    kmeans_iterations: int = 5
-    zero_codeword: bool = False
+    """A codeword whose moving count n_b falls below this many splats is replaced by a residual of its stage, drawn with
+    a probability proportional to its weighted squared error; 0 never replaces."""
+    kmeans_iterations: int = 5  # Lloyd's, at the start
+    zero_codeword: bool = False  # codeword 0 of every stage stays (0, 0, 0): no difference costs no error
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -69,46 +49,19 @@ class RvqSettings:
 
 @dataclass(frozen=True, eq=False)
 class RvqState:
-    """Codebooks in training: one entry per stage in each tuple.
+    """Codebooks in training: one entry per stage in each tuple."""
 
-    Attributes
-    ----------
-    codebooks
-        (B, 3) f4, always values of binary16, as in a stream.
-    counts
-        (B,) f8, the moving counts n_b in splats.
-    sums
-        (B, 3) f8, the moving sums S_b.
-    """
-
-    codebooks: tuple[F4, ...]
-    counts: tuple[F8, ...]
-    sums: tuple[F8, ...]
+    codebooks: tuple[F4, ...]  # (B, 3), always values of binary16, as in a stream
+    counts: tuple[F8, ...]  # (B,) the moving counts n_b in splats
+    sums: tuple[F8, ...]  # (B, 3) the moving sums S_b
 
 
 def initialize(x: ArrayLike, settings: RvqSettings, rng: Generator, weights: ArrayLike | None = None) -> RvqState:
-    """Codebooks by k-means (k-means++ seeds, then Lloyd), each stage on the residuals of the one before.
+    """Codebooks of x (N, 3) by k-means (k-means++ seeds, then Lloyd), each stage on the residuals of the one before.
 
-    Parameters
-    ----------
-    x
-        (N, 3) f4; any N. Codewords beyond the number of distinct vectors repeat the first one.
-    settings
-        Sizes and iterations.
-    rng
-        Draws the seeds.
-    weights
-        (N,), how much each splat counts (its covered area, say), at least 0 and not all 0; None counts all alike.
-
-    Returns
-    -------
-    RvqState
-        Counts and sums as of the last assignment.
-
-    Raises
-    ------
-    UsageError
-        A vector is NaN or beyond what the difference of two binary16 can be, or the weights make no sense.
+    N may be 0, and codewords beyond the number of distinct vectors repeat the first one. The weights (N,) say how much
+    each splat counts (its covered area, say): at least 0 and not all 0. Counts and sums are those of the last
+    assignment.
     """
     residual = np.ascontiguousarray(x, np.float32)
     _check_differences(residual)
@@ -133,28 +86,8 @@ def update(
 ) -> RvqState:
     """One step of the moving averages (R-10.6-3), all stages from the residuals that the present codebooks leave.
 
-    Parameters
-    ----------
-    state
-        Not changed.
-    x
-        (N, 3) f4.
-    indices
-        (N, M) u2, `rvq_assign`'s choice among state.codebooks.
-    settings, weights
-        As for `initialize`.
-    rng
-        Draws the replacements of dead codewords; untouched while none is dead.
-
-    Returns
-    -------
-    RvqState
-        The state itself where there are no splats.
-
-    Raises
-    ------
-    UsageError
-        As for `initialize`; or indices do not fit.
+    The indices (N, M) u2 are those of `rvq_assign` for x (N, 3) among `state.codebooks`. `rng` is used only where
+    codewords are dead. Without splats the result is `state` itself.
     """
     vectors = np.ascontiguousarray(x, np.float32)
     residuals(vectors, indices, *flat(state.codebooks))  # refuses what does not fit

@@ -21,6 +21,7 @@ class Loss(NamedTuple):
     """(H, W, 3), e of (10-2)."""
 
 
+# twin of spec.loss
 @door
 def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     """The loss of a picture against its target (10-1), and dL/dC (10-2); R-10.2-1.
@@ -34,6 +35,11 @@ def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
         (H, W, 3) f4, the sum C before clamping, with 1.0 = full scale; what is not a number counts as 0.
     target
         (H, W, 3) f4, R'G'B'.
+
+    Returns
+    -------
+    Loss
+        `loss`, and `residual` (H, W, 3) f4.
 
     Raises
     ------

@@ -27,42 +27,19 @@ class Objective:
     The gradient uses dL/dC = 2 (clamp(C, 0, 1) - target) / (H W) everywhere. Where C is inside [0, 1] that is the
     derivative. Where C lies outside, the clamp's own derivative would be zero and the pixel would stop pulling; handed
     straight through, it pulls C back as long as the target is not at the same bound, and overshoot over a saturated
-    target stays free of charge.
+    target costs nothing.
 
-    One objective serves one thread at a time; several objectives can work side by side.
-
-    Parameters
-    ----------
-    target
-        (H, W, 3), R'G'B' with 1.0 = full scale.
-    threads
-        Threads to use, None for one per CPU. The results have the same bits for any number.
-    precision
-        ``fast`` or ``deterministic``.
-    background
-        (B, 8) f4, splats that are in every picture, such as those of lower layers, beside those evaluated:
-        the sum of a pixel begins with them. They are rendered once.
-
-    Raises
-    ------
-    UsageError
-        The target has another shape or a value that is not finite, or an option is outside its limits.
-
-    Attributes
-    ----------
-    height, width
-        Those of the target.
-    threads
-        The number of threads.
+    The results have the same bits for any number of threads. One objective serves one thread at a time; several
+    objectives can work side by side.
     """
 
     def __init__(
         self,
-        target: ArrayLike,
+        target: ArrayLike,  # (H, W, 3), R'G'B' with 1.0 = full scale
         threads: int | None = None,
         *,
         precision: Precision = "fast",
-        background: ArrayLike | None = None,
+        background: ArrayLike | None = None,  # (B, 8) f4, splats of every picture, such as those of lower layers
     ) -> None:
         check_precision(precision, ("fast", "deterministic"))
         picture = np.ascontiguousarray(target, np.float32)  # (H, W, 3) f4
@@ -82,6 +59,7 @@ class Objective:
         self._background = EMPTY
         if background is not None and len(packed := _checked(background)):
             self._rasterizer.binning.load(packed)
+            # The background is rendered once: the sum of every pixel begins with it.
             self._background = to_tiles(self._draw(EMPTY, clamp=False))
             self._rasterizer.binning.load(packed[:0])
         self._base = self._background  # and the sum of the frozen splats
@@ -90,26 +68,9 @@ class Objective:
         self._drawn: F4 | None = None  # the picture of the parameters evaluated last, where it was kept
 
     def evaluate(self, parameters: ArrayLike, *, drawn: bool = False) -> tuple[float, F4]:
-        """The loss and its gradient (R-10.2-1).
+        """The loss, summed in binary64 in a fixed order, and its gradient (N, 8) f4 for splats (N, 8) f4 (R-10.2-1).
 
-        Parameters
-        ----------
-        parameters
-            (N, 8) f4 in the columns of `Splats.to_array`.
-        drawn
-            Keep the picture on the way, for which `picture` would have to render the splats again.
-
-        Returns
-        -------
-        loss
-            L2, accumulated in binary64 in a fixed order.
-        gradient
-            (N, 8) f4, dL2/dparameters; zero for a splat that covers no pixel.
-
-        Raises
-        ------
-        UsageError
-            The parameters have another shape or a value that is not finite.
+        `drawn` keeps the picture, for which `picture` would have to render the splats again.
         """
         loss = self._run(parameters, LOSS_AND_GRADIENTS, self._new_picture() if drawn else None)
         gradient = self._rasterizer.gradients(2 / self._pixels)  # (10-2)
@@ -120,21 +81,10 @@ class Objective:
         return loss, of_all
 
     def freeze(self, parameters: ArrayLike, frozen: ArrayLike) -> None:
-        """Hold splats fixed from now on: they are rendered once, and their rows of the gradient are zero.
+        """Hold some of the splats (N, 8) fixed: they are rendered once, and their rows of the gradient are zero.
 
-        The sum of a pixel then begins with the frozen splats in index order and goes on with the others.
-
-        Parameters
-        ----------
-        parameters
-            (N, 8) f4, as for `evaluate`, which from now on needs N splats and ignores the parameters of frozen ones.
-        frozen
-            (N,) bool; all False is `thaw`.
-
-        Raises
-        ------
-        UsageError
-            A shape does not fit, or a parameter is not finite.
+        `frozen` is (N,) bool; all False is `thaw`. The sum of a pixel then begins with the frozen splats in index order
+        and goes on with the others. `evaluate` still takes all N splats, and ignores the parameters of frozen ones.
         """
         packed, held = _checked(parameters), np.asarray(frozen)
         if held.dtype != np.bool_ or held.shape != (len(packed),):
@@ -151,14 +101,9 @@ class Objective:
         self._base, self._moving, self._drawn = self._background, None, None
 
     def hold(self, parameters: ArrayLike) -> None:
-        """From now on splats (n, 8) f4 are in every picture, as those of the background; none: only these again.
+        """Add splats (n, 8) f4 to the background, in place of those that were held or frozen before; none: only it.
 
-        They are rendered once, and take the place of those that were held or frozen before.
-
-        Raises
-        ------
-        UsageError
-            The parameters have another shape or a value that is not finite.
+        They are rendered once.
         """
         packed = _checked(parameters)
         self.thaw()

@@ -12,6 +12,7 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.rendering.fast.tile_pictures import rounded
 
 
+# twin of spec.to_frame
 @door
 def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     """The frame of a sum: clamp to [0, 1], times the peak 2^bit_depth - 1, round half to even (R-9.1-1).
@@ -46,6 +47,7 @@ def to_frame(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     return frame
 
 
+# twin of spec.to_frame_deterministic
 @door
 def to_frame_deterministic(sum: ArrayLike, bit_depth: int) -> NDArray[Any]:
     """The frame of a sum by (9-7), operation by operation, as decoders make it: what is not a number is black.

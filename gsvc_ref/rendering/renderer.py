@@ -24,23 +24,7 @@ MAX_SIDE: Final = 65536
 class Renderer:
     """Renders set after set of splats at one size, and keeps its buffers between the calls.
 
-    One renderer serves one thread at a time.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    precision
-        As for `render`.
-    threads
-        Threads to use, None for one per CPU. The results have the same bits for any number.
-    region_rows
-        Rows that are rendered at a time, None for all. The results have the same bits for any number.
-
-    Raises
-    ------
-    UsageError
-        The size or an option is outside its limits.
+    The results have the same bits for any number of threads and rows. One renderer serves one thread at a time.
     """
 
     def __init__(
@@ -50,7 +34,7 @@ class Renderer:
         *,
         precision: Precision = "fast",
         threads: int | None = None,
-        region_rows: int | None = None,
+        region_rows: int | None = None,  # rows that are rendered at a time; None: all
     ) -> None:
         _check_size(width, height)
         check_precision(precision)
@@ -138,6 +122,7 @@ def render(
     return Renderer(width, height, precision=precision, threads=threads).picture(Splats.of(splats))
 
 
+# twin of spec.render_sum
 @door
 def render_sum(
     parameters: Splats | ArrayLike,
@@ -147,9 +132,23 @@ def render_sum(
     precision: Precision = "fast",
     threads: int | None = None,
 ) -> NDArray[np.float32] | NDArray[np.float64]:
-    """The same as `render` before the clamp: (H, W, 3), f8 for ``exact`` and f4 for the others.
+    """The sum C of (9-2) or (9-6): `render` before the clamp.
 
-    The parameters are splats, or an array (N, 8) f4 of theirs.
+    Parameters
+    ----------
+    parameters
+        The splats, or their parameters (N, 8) f4; positions and Cholesky factors in pixels of this frame.
+    width, height, precision, threads
+        As for `render`.
+
+    Returns
+    -------
+    (H, W, 3) with 1.0 = full scale, f8 for ``exact`` and f4 for the others.
+
+    Raises
+    ------
+    UsageError
+        As for `render`.
     """
     splats, renderer = Splats.of(parameters), Renderer(width, height, precision=precision, threads=threads)
     if precision == "exact":
@@ -157,16 +156,33 @@ def render_sum(
     return renderer.picture(splats, clamp=False)
 
 
+# twin of spec.render_sum_deterministic
 @door
 def render_sum_deterministic(
     parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
 ) -> NDArray[np.float32]:
-    """What `render_sum` returns for precision ``deterministic``: (H, W, 3) f4 (R-9.3-1)."""
+    """What `render_sum` returns for precision ``deterministic`` (R-9.3-1).
+
+    Parameters
+    ----------
+    parameters, width, height, threads
+        As for `render_sum`.
+
+    Returns
+    -------
+    (H, W, 3) f4 with 1.0 = full scale, with the same bits on every machine.
+
+    Raises
+    ------
+    UsageError
+        As for `render`.
+    """
     return Renderer(width, height, precision="deterministic", threads=threads).picture(
         Splats.of(parameters), clamp=False
     )
 
 
+# twin of spec.render_frame
 @door
 def render_frame(
     parameters: Splats | ArrayLike,
@@ -177,13 +193,28 @@ def render_frame(
     precision: Precision = "fast",
     threads: int | None = None,
 ) -> NDArray[Any]:
-    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2.
+    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass (R-9.1-1).
 
-    The parameters are splats, or an array (N, 8) f4 of theirs.
+    Parameters
+    ----------
+    parameters, width, height, precision, threads
+        As for `render_sum`.
+    bit_depth
+        8 to 16.
+
+    Returns
+    -------
+    (H, W, 3) u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    UsageError
+        As for `render`, or the bit depth is outside its limits.
     """
     return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 
 
+# twin of spec.render_gradients
 @door
 def render_gradients(
     parameters: Splats | ArrayLike, residual: ArrayLike, *, precision: Precision = "fast", threads: int | None = None

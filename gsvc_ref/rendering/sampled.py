@@ -13,21 +13,9 @@ class SampledObjective:
     """The loss of `Objective` on a lattice of pixels, and its gradient; each turn has another of the lattices.
 
     On every second row the picture of a splat is that of a splat half as high on a picture half as high, and so for
-    columns. So smaller objectives are all that this takes, and nothing is smoothed: the mean of the gradients of all
+    columns. So this takes nothing but smaller objectives, and nothing is smoothed: the mean of the gradients of all
     turns is that of the whole target, as long as its sides are multiples of the steps. A descent with momentum that
     takes the lattices in turns hardly notices as long as there are many pixels for each splat.
-
-    Parameters
-    ----------
-    target, threads, precision, background
-        As for `Objective`.
-    down, right
-        Every `down`-th row and every `right`-th column are a lattice, 1 or 2 each; a side of one pixel has the step 1.
-
-    Raises
-    ------
-    UsageError
-        A step is neither 1 nor 2, or as in `Objective`.
     """
 
     def __init__(
@@ -37,13 +25,13 @@ class SampledObjective:
         *,
         precision: Precision = "fast",
         background: ArrayLike | None = None,
-        down: int = 1,
+        down: int = 1,  # 2: each lattice has every second row
         right: int = 1,
     ) -> None:
         if down not in (1, 2) or right not in (1, 2):
             raise UsageError(f"the steps are {down} and {right}; each must be 1 or 2")
         self.height, self.width = target.shape[:2]
-        self._down, self._right = min(down, self.height), min(right, self.width)
+        self._down, self._right = min(down, self.height), min(right, self.width)  # a side of one pixel has the step 1
         high, wide = 1 / self._down, 1 / self._right
         self._scale = np.array([wide, high, wide, high, high, 1, 1, 1], np.float32)  # of x, y, l11, l21, l22, colours
         self._origins = [(y, x) for y in range(self._down) for x in range(self._right)]
@@ -83,5 +71,6 @@ class SampledObjective:
         seen = np.asarray(parameters, np.float32) * self._scale
         for column, origin in enumerate((x, y)):
             half = np.float32(0.5)
+            # Centres of pixels are at .5, and the first of the lattice is that of `origin`.
             seen[:, column] = (parameters[:, column] - (np.float32(origin) + half)) * self._scale[column] + half
         return seen

@@ -26,41 +26,20 @@ class SequenceRenderer(Renderer):
 
     The frames are those of `Renderer.frame`, to the bit: a region that is touched by the same splats in the same order
     has the same sums.
-
-    Parameters
-    ----------
-    width, height, precision, threads
-        As for `Renderer`.
-
-    Attributes
-    ----------
-    share
-        The share of the frame's regions that the last call rendered, 0 to 1.
     """
 
     def __init__(self, width: int, height: int, *, precision: Precision = "fast", threads: int | None = None) -> None:
         super().__init__(width, height, precision=precision, threads=threads)
-        self.share = 0.0
+        self.share = 0.0  # of the regions that the last call rendered
         self._before: ProjectedSplats | None = None
         self._frame: NDArray[Any] = np.zeros(self._shape, np.uint8)  # (H, W, 3) u1 or u2, the last one
         self._bit_depth = 8  # of the last one
 
     def next_frame(self, splats: Splats, bit_depth: int, origins: ArrayLike | None = None) -> NDArray[Any]:
-        """The frame of the next set of splats.
+        """The frame of the next set of splats, (H, W, 3) u1 for 8 bits, else u2; the next call may change it.
 
-        Parameters
-        ----------
-        splats
-            Positions and Cholesky factors in pixels of this frame.
-        bit_depth
-            8 to 16.
-        origins
-            (N,) integers: for each splat the index of the one before that it continues, or -1
-            (`FrameCodes.origins`); None renders everything.
-
-        Returns
-        -------
-        (H, W, 3) u1 for 8 bits, else u2; the next call may change it.
+        `origins` (N,) are integers: for each splat the index of the one before that it continues, or -1
+        (`FrameCodes.origins`); None renders everything.
         """
         other = bit_depth != self._bit_depth
         if self.precision == "exact" or other or self._before is None or origins is None:

@@ -9,9 +9,9 @@ T = TypeVar("T")
 
 
 def read_ahead(items: Iterator[T], worth_it: Callable[[T], bool]) -> Iterator[T]:
-    """The items of an iterator; behind an item that is worth it a thread makes the next one before it is asked for.
+    """The items of an iterator; after an item that is worth it, a thread makes the next one before it is asked for.
 
-    What the iterator raises is raised where its item would stand, behind all items before. When this iterator ends or
+    What the iterator raises is raised in the place of its item, after all items before. When this iterator ends or
     is closed, the thread has ended, too. Where none can be started, as at the end of a process, the caller makes all.
     """
     with ThreadPoolExecutor(1, thread_name_prefix="gsvc_ref ahead") as maker:

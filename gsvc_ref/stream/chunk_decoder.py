@@ -30,37 +30,18 @@ CRC_SIZE: Final = chunks.CRC_BITS // 8
 
 @dataclass(frozen=True)
 class Place:
-    """The place of a decoder between two chunks.
+    """The place of a decoder between two chunks."""
 
-    Attributes
-    ----------
-    offset
-        Offset of the next chunk, in bytes from the start of the stream.
-    state
-        The state after the frame before.
-    next_number
-        The number that the next frame must have.
-    index_length
-        Bytes of the chunk directly before, if that is an index; else 0.
-    frame_end
-        Offset of the end of the last frame's chunk, or of the sequence header.
-    work
-        The rendering work of the frame before in pairs.
-    pace
-        What a paced stream has used of its second. It counts for as long as it expects the frame that comes next: not
-        after seeking, nor behind a gap. None: not checked.
-    layers
-        The layers of the frame before; None: the base alone is decoded, and chunks of layers are skipped.
-    """
-
-    offset: int
-    state: AnyState
-    next_number: int = 0
-    index_length: int = 0
-    frame_end: int = 0
-    work: int = 0
+    offset: int  # of the next chunk, in bytes from the start of the stream
+    state: AnyState  # after the frame before
+    next_number: int = 0  # that the next frame must have
+    index_length: int = 0  # bytes of the chunk directly before, if that is an index
+    frame_end: int = 0  # offset of the end of the last frame's chunk, or of the sequence header
+    work: int = 0  # rendering work of the frame before, in pairs
     pace: Pace | None = None
-    layers: Layers | None = None
+    """What a paced stream has used of its second. It counts as long as it expects the frame that comes next: not after
+    seeking, nor after a gap. None: not checked."""
+    layers: Layers | None = None  # of the frame before; None: only the base is decoded, and layers are skipped
 
 
 @dataclass(frozen=True)
@@ -87,19 +68,7 @@ class _Layer(NamedTuple):
 
 
 class ChunkDecoder:
-    """The chunks of one source.
-
-    Attributes
-    ----------
-    source
-        The source of the bytes.
-    header
-        The sequence header.
-    first
-        The place of the first chunk after it.
-    opening_bits
-        The number of bits before that place by category.
-    """
+    """The chunks of one source."""
 
     def __init__(
         self,
@@ -138,6 +107,7 @@ class ChunkDecoder:
         quality = self.header.layer_count - 1 if layer is None else layer
         layers = Layers(quality) if quality > 0 and self.header.profile == MAIN else None
         pace = Pace() if self.header.paced_flag else None
+        # the first chunk after the sequence header
         self.first = Place(begin, state, frame_end=begin, pace=pace, layers=layers)
 
     def longest_payload(self, chunk_type: int) -> int:
@@ -203,7 +173,7 @@ class ChunkDecoder:
         return DecodedChunk(bits, decoded, chunk_type == chunks.END_TYPE, after, ancillary, shown)
 
     def _layer(self, p: Reader, place: Place, before: Layers) -> tuple[Layers, "_Layer | None"]:
-        """A chunk `n`: the layers behind it, and the layer that it holds, if that is wanted (spec.md section 15.13)."""
+        """A chunk `n`: the layers after it, and the layer that it holds, if that is wanted (spec.md section 15.13)."""
         head = layer_head(p, self.header, before)
         if head.type is None:
             with p.part("ancillary"):

@@ -19,73 +19,35 @@ MAX_FAULTS: Final = 8
 
 @dataclass(frozen=True)
 class DecodedLayer:
-    """A layer of a frame as a stream holds it (spec.md section 15.13).
+    """A layer of a frame as a stream holds it (spec.md section 15.13)."""
 
-    Attributes
-    ----------
-    number
-        The number of its frame.
-    layer
-        1 for the first above the base.
-    type
-        `layer_type`: ``I``, ``P`` or ``R``.
-    codes
-        The codes that the bytes hold.
-    splats
-        The splats of this layer alone.
-    bits, offset, size
-        As of a `DecodedFrame`, of the chunk `n`.
-    layers
-        The layers of the frame up to this one.
-    """
-
-    number: int
-    layer: int
-    type: FrameType
+    number: int  # of its frame
+    layer: int  # 1 for the first above the base
+    type: FrameType  # `layer_type`
     codes: MainCodes
-    splats: Splats
-    bits: dict[str, int]
+    splats: Splats  # of this layer alone
+    bits: dict[str, int]  # this and the next two as of a `DecodedFrame`, of the chunk `n`
     offset: int
     size: int
+    # The layers of the frame up to this one.
     layers: Layers = field(compare=False, repr=False)
 
 
 @dataclass(frozen=True)
 class DecodedFrame:
-    """A frame as a stream holds it.
+    """A frame as a stream holds it."""
 
-    Attributes
-    ----------
-    number
-        `frame_number`, 0 for the first.
-    type
-        ``I``, ``P`` or ``R``.
-    codes
-        The codes that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of profile `main`.
-    splats
-        The splats that the codes stand for, bit for bit those of the encoder; behind those of the base those of the
-        layers that are decoded.
-    bits
-        The number of bits of the chunk by category (`categories_of` the profile); together 8 · `size`.
-    offset, size
-        The offset of the chunk in bytes from the start of the stream, and its size in bytes.
-    state
-        What the next frame is predicted from; of a frame with layers, that of the base.
-    chunks
-        The chunks of its layers, in their order; none of a frame of the base alone.
-    layers
-        The layers of the frame with their states; None where the base alone is decoded.
-    """
-
-    number: int
+    number: int  # `frame_number`, 0 for the first
     type: FrameType
-    codes: AnyCodes
-    splats: Splats
-    bits: dict[str, int]
-    offset: int
-    size: int
+    codes: AnyCodes  # those that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of `main`
+    splats: Splats  # bit for bit those of the encoder; those of the base, then those of the layers that are decoded
+    bits: dict[str, int]  # of the chunk by category (`categories_of` the profile); together 8 · `size`
+    offset: int  # of the chunk, in bytes from the start of the stream
+    size: int  # of the chunk, in bytes
+    # What the next frame is predicted from; of a frame with layers, that of the base.
     state: AnyState = field(compare=False, repr=False)
-    chunks: tuple[DecodedLayer, ...] = ()
+    chunks: tuple[DecodedLayer, ...] = ()  # of its layers, in their order; none where only the base is decoded
+    # The layers of the frame with their states; None where only the base is decoded.
     layers: Layers | None = field(default=None, compare=False, repr=False)
 
     def with_layer(self, chunk: DecodedLayer) -> "DecodedFrame":
@@ -184,7 +146,7 @@ class Gap:
         return replace(self, first_missing=first, missing_count=max(end - first, 0))
 
     def reaches(self, start: int) -> bool:
-        """Whether it lies behind the frame before `start`, or misses frames from there on."""
+        """Whether it lies after the frame before `start`, or misses frames from there on."""
         return self.missing_count is None or self.first_missing + max(self.missing_count, 1) > start
 
 
@@ -218,34 +180,15 @@ class FrameSummary:
 
 @dataclass(frozen=True)
 class StreamSummary:
-    """The contents of a stream.
-
-    Attributes
-    ----------
-    header
-        The sequence header.
-    frames
-        The complete frames.
-    bits
-        The number of bits by category (`categories_of` the profile), and those ``unread``, which follow a fault, or
-        when salvaging ``skipped``. Together 8 · `file_bytes`.
-    file_bytes
-        Size of the stream in bytes.
-    error
-        The fault at which reading stopped before the end, or None.
-    times
-        When its frames are shown.
-    gaps
-        The gaps; empty unless salvaging.
-    ancillary
-        The payload of the last ancillary chunk of the type asked for; None if there is none.
-    """
+    """The contents of a stream."""
 
     header: SequenceHeader
-    frames: list[FrameSummary]
+    frames: list[FrameSummary]  # the complete ones
     bits: dict[str, int]
+    """The number of bits by category (`categories_of` the profile), and those ``unread``, which follow a fault, or when
+    salvaging ``skipped``. Together 8 · `file_bytes`."""
     file_bytes: int
-    error: GsvcError | None
+    error: GsvcError | None  # at which reading stopped before the end
     times: FrameTimes
-    gaps: list[Gap] = field(default_factory=list)
-    ancillary: bytes | None = None
+    gaps: list[Gap] = field(default_factory=list)  # empty unless salvaging
+    ancillary: bytes | None = None  # the last payload of the type of chunks that was asked for

@@ -29,7 +29,7 @@ HIGHEST: Final = LEVELS[max(LEVELS)]
 """The level up to which other sizes than the coded one are rendered (R-9.4-2)."""
 
 SPLATS_AHEAD: Final = 1 << 16
-"""Splats of a frame, at most, while which is rendered the next one is read: behind larger ones it would take memory."""
+"""Maximum number of splats of a frame while whose rendering the next one is read: two larger ones take memory."""
 
 Source = str | Path | bytes | bytearray | memoryview | BinaryIO
 
@@ -38,7 +38,7 @@ class Stream:
     """An open `.gsvc` stream: ``for frame in gsvc_ref.open("a.gsvc"): frame.splats``.
 
     Frames are decoded one at a time as they are asked for. A damaged stream yields all complete frames before the
-    damage, then raises GsvcError. Several threads may read one open file, each with an iterator of its own; a pipe
+    damage, then raises GsvcError. Several threads may read one open file, each with its own iterator; a pipe
     takes one.
 
     Parameters
@@ -167,7 +167,7 @@ def decode(
     precision, threads
         The parameters of `gsvc_ref.render`.
     on_gap
-        Salvage what is left of a damaged file: called with each gap, before the frame behind it is yielded, and at the
+        Salvage what is left of a damaged file: called with each gap, before the frame after it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
     max_level, layer
         The highest level that is decoded, and the quality, as in `Stream`; an open Stream keeps its own.
@@ -237,11 +237,8 @@ def rendered(
 def scaled_size(header: SequenceHeader, scale: float) -> tuple[int, int]:
     """Width and height in pixels at a scale, each rounded, at least 1.
 
-    Raises
-    ------
-    UsageError
-        The scale is not a positive number, a side would exceed 65535, or there would be more pixels than the highest
-        level allows (R-9.4-2).
+    A UsageError says that the scale is not positive, a side exceeds 65535, or the highest level does not allow as many
+    pixels (R-9.4-2).
     """
     if not 0 < scale <= 65535:
         raise UsageError(f"scale is {scale}; it must be a positive number, for instance 2")

@@ -1,4 +1,4 @@
-"""The elements of a stream in the order of its bits, each by its full name, also up to a fault and behind it."""
+"""The elements of a stream in the order of its bits, each by its full name, also up to a fault and after it."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -26,41 +26,20 @@ NOT_LOOKED_AT: Final = "not looked at"
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A syntax element of a stream, or a run of equal ones.
+    """A syntax element of a stream, or a run of equal ones."""
 
-    Attributes
-    ----------
-    bit, bits
-        Offset from the start of the stream, and size, in bits.
-    name
-        Its name in spec.md; that of a run of pairs has both, with a comma between.
-    of
-        The plane, channel or stage that it is part of; may be empty.
-    block
-        The kind of the splat block that it stands in, intra or inter; may be empty.
-    chunk
-        The type of its chunk, empty in front of the first; for one that is no ASCII letter, its code.
-    frame
-        The number of the frame whose chunk, or whose layer's chunk, it stands in; None outside of frames.
-    value
-        An int, a float, bytes, or an array for a run; a sentence for a payload that is skipped; None for the element at
-        fault, if the bits there are no such element.
-    first
-        The index of the first one of a run, or of this one in a run; None for an element that stands alone.
-    order
-        k of the `eg(k)` of which the run consists; None for other runs.
-    """
-
-    bit: int
-    bits: int
-    name: str
-    of: str
-    block: str
-    chunk: str
-    frame: int | None
+    bit: int  # offset from the start of the stream
+    bits: int  # size
+    name: str  # that of spec.md; a run of pairs has both names, with a comma between
+    of: str  # the plane, channel or stage that it is part of; may be empty
+    block: str  # the kind of its splat block, intra or inter; may be empty
+    chunk: str  # the type of its chunk, empty before the first; for one that is no ASCII letter, its code
+    frame: int | None  # the number of the frame whose chunk, or whose layer's chunk, it is in; None outside of frames
     value: Any
-    first: int | None = None
-    order: int | None = None
+    """An int, a float, bytes, or an array for a run; a sentence for a payload that is skipped; None for the element at
+    fault, if the bits there are no such element."""
+    first: int | None = None  # the index of the first one of a run, or of this one in a run; None outside of runs
+    order: int | None = None  # k of the `eg(k)` of which the run consists; None for other runs
 
     @property
     def count(self) -> int:
@@ -134,15 +113,7 @@ class Entry:
 class Listing:
     """The trace of a StreamReader, turned into entries in the order of their bits.
 
-    Parameters
-    ----------
-    emit
-        Called with each entry, as soon as all in front of it are known.
-
-    Attributes
-    ----------
-    chunk
-        The entries of the present chunk; of those of an index only the first ones.
+    `emit` is called with each entry as soon as all before it are known.
     """
 
     def __init__(self, emit: Callable[[Entry], None]) -> None:
@@ -156,7 +127,7 @@ class Listing:
         self._stage = 0
         self._pairs = 0
         self._end = 0
-        self.chunk: list[Entry] = []
+        self.chunk: list[Entry] = []  # the entries of the present chunk; of those of an index only the first
 
     def __call__(self, element: Element) -> None:
         """Take the next element of the trace."""
@@ -263,19 +234,9 @@ def list_elements(
 ) -> tuple[GsvcError | None, Entry | None]:
     """Hand out the elements of a stream in the order of their bits, in memory that does not grow with the stream.
 
-    Parameters
-    ----------
-    source
-        As of a StreamReader.
-    emit
-        Called with each entry. What it raises ends the reading.
-    start, stop
-        Only the chunks of frames `start` to `stop` - 1, to the last if None; (0, None) is the whole stream.
-
-    Returns
-    -------
-    tuple
-        The fault that ended the stream and the element that it is about; None for what there is not.
+    Only the chunks of frames `start` to `stop` - 1, to the last if None; (0, None) is the whole stream. What `emit`
+    raises ends the reading. Returns the fault that ended the stream, and the element that it is about; None for what
+    there is not.
     """
     whole = start == 0 and stop is None
 
@@ -315,7 +276,7 @@ class Place:
 
 
 class _Search:
-    """Looks for the entry that holds a bit, and stops behind it."""
+    """Looks for the entry that holds a bit, and stops after it."""
 
     def __init__(self, bit: int) -> None:
         self.bit = bit
@@ -336,7 +297,7 @@ class _Search:
 
 
 def place_of(source: str | Path | bytes | BinaryIO, bit: int) -> Place:
-    """The element of a stream that holds a bit, with its neighbours; reading ends behind it."""
+    """The element of a stream that holds a bit, with its neighbours; reading ends after it."""
     search = _Search(bit)
     fault, at_fault = None, None
     with suppress(_Found):

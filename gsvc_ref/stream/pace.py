@@ -12,35 +12,16 @@ NOTHING: Final = Level(0, 0, 0, 0)
 
 @dataclass(frozen=True)
 class Pace:
-    """What the frames of a second so far have of its limits; nothing is known once a frame was missed.
+    """What the frames of a second so far have of its limits; nothing is known once a frame was missed."""
 
-    Attributes
-    ----------
-    next_number
-        The number of the frame that comes next.
-    used
-        The sums of the second so far; the payload stands for the bytes of whole chunks.
-    last_i_frame
-        The number of the last I-frame.
-    """
-
-    next_number: int = 0
-    used: Level = NOTHING
-    last_i_frame: int = 0
+    next_number: int = 0  # of the frame that comes next
+    used: Level = NOTHING  # the sums of the second so far; the payload stands for the bytes of whole chunks
+    last_i_frame: int = 0  # its number
 
     def after(self, header: SequenceHeader, frame_type: FrameType, splats: int, work: int, size: int) -> "Pace":
-        """The pace after the next frame.
+        """The pace after the next frame, of `work` pairs.
 
-        Parameters
-        ----------
-        header
-            The sequence header.
-        frame_type
-            The type of the frame.
-        splats, work
-            The number of its splats, and its rendering work in pairs.
-        size
-            Bytes of its chunk and of the ancillary chunks directly before it.
+        `size` is the bytes of its chunk and of the ancillary chunks directly before it.
         """
         begins = self.next_number % header.frames_of_second == 0
         used = NOTHING if begins else self.used

@@ -29,41 +29,23 @@ MakeWriter = Callable[[int], Writer]
 
 @dataclass(frozen=True)
 class Parsed:
-    """What a payload holds behind `parameter_checksum`.
-
-    Attributes
-    ----------
-    codes
-        The codes of the frame.
-    reconstruct
-        The state behind the frame; raises the GsvcError of R-8-1, or gives the state before if the frame repeats it.
-    """
+    """What a payload holds after `parameter_checksum`."""
 
     codes: AnyCodes
-    reconstruct: Callable[[], AnyState]
+    reconstruct: Callable[[], AnyState]  # the state after the frame; raises the GsvcError of R-8-1
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A frame that is ready to be written.
+    """A frame that is ready to be written."""
 
-    Attributes
-    ----------
-    state
-        The state behind the frame; the state before, if the frame repeats it.
-    splats
-        The number of splats that R-5-2 is about.
-    write
-        Writes what follows `parameter_checksum`.
-    """
-
-    state: AnyState
-    splats: int
-    write: Callable[[Writer], object]
+    state: AnyState  # after the frame; the state before, if the frame repeats it
+    splats: int  # the number that R-5-2 limits
+    write: Callable[[Writer], object]  # what follows `parameter_checksum`
 
 
 class Profile(Protocol):
-    """A profile: frames are handed to it behind `parameter_checksum`."""
+    """A profile: frames are handed to it after `parameter_checksum`."""
 
     def initial(self, header: SequenceHeader) -> AnyState:
         """The state before the first frame, and the one in which decoding begins at an I-frame."""
@@ -81,12 +63,8 @@ class Profile(Protocol):
     ) -> Prepared:
         """Make a frame ready to be written, given the state `after` it where that is known already.
 
-        Raises
-        ------
-        UsageError
-            The codes are those of another profile, or do not fit the state. Writing may raise it, too.
-        GsvcError
-            R-8-1.
+        Codes of another profile, or that do not fit the state, raise a UsageError, here or when they are written; R-8-1
+        is a GsvcError.
         """
 
 

@@ -22,37 +22,19 @@ from gsvc_ref.stream.times import find_times, no_times
 class StreamReader:
     """A `.gsvc` stream, read lazily: ``for frame in StreamReader(path): frame.splats``.
 
-    Frames come one at a time and only one chunk is held, whatever the stream's length. All complete frames before a
-    fault are yielded before the fault is raised. Several iterations of one file may be under way at once, also
-    in several threads.
-
-    Parameters
-    ----------
-    source
-        A path, bytes, or a binary file that stands at the start of the stream; it may be a pipe, which is read once.
-    trace
-        Called with each syntax element read, chunk by chunk (a chunk's type, length and checksum come first).
-    max_level
-        Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
-    layer
-        The quality in which frames are decoded: 0 the base alone, whose decoder skips layers and finds no fault in
-        them, up to 3; None: the highest. A layer that a stream does not have adds nothing.
-
-    Raises
-    ------
-    GsvcError
-        The stream breaks a rule of spec.md; `kind`, `rule` and `bit` say which one and where.
-    UsageError
-        The source is of no use, or there is no such level or layer.
+    Frames come one at a time and only one chunk is held, however long the stream is. All complete frames before a fault
+    are yielded before the fault is raised. Several iterations of one file may be under way at once, also in several
+    threads. A stream that breaks a rule of spec.md raises a GsvcError, whose `kind`, `rule` and `bit` say which one and
+    where.
     """
 
     def __init__(
         self,
-        source: str | Path | bytes | bytearray | memoryview | BinaryIO,
+        source: str | Path | bytes | bytearray | memoryview | BinaryIO,  # a file from where it stands; may be a pipe
         *,
-        trace: Callable[[Element], None] | None = None,
-        max_level: int = HIGHEST_LEVEL,
-        layer: int | None = 0,
+        trace: Callable[[Element], None] | None = None,  # gets each element, a chunk's type, length and checksum first
+        max_level: int = HIGHEST_LEVEL,  # a stream of a higher one is refused (R-5-6)
+        layer: int | None = 0,  # the quality that is decoded, 0 (layers are skipped) to 3; None: the highest
     ) -> None:
         if max_level not in LEVELS:
             raise UsageError(f"max_level is {max_level}; it must be 1 to {HIGHEST_LEVEL}")
@@ -94,7 +76,7 @@ class StreamReader:
         """Frames `start` to `stop` - 1 (to the last, if None); fewer if the stream has fewer.
 
         Decoding begins at the last I-frame at or before `start`, which is found by hopping from chunk to chunk (spec.md
-        section 12.6): payloads before it are not looked at, but a wrong type or length of a chunk on the way is
+        section 12.6): payloads before it are not looked at, but a wrong type or length of a chunk passed is
         raised. A pipe is decoded from its start.
         """
         _check_range(start, stop)
@@ -104,12 +86,8 @@ class StreamReader:
         """Frames `start` to `stop` - 1 of a damaged file, and the gaps between them, in the order of the stream.
 
         A damaged frame is skipped, and all frames after it up to the next I-frame (spec.md section 12.5). No fault is
-        raised: which of these frames are missing, and why, is in the gaps. A stream without a fault has none.
-
-        Raises
-        ------
-        UsageError
-            The source is a pipe: salvaging goes back and forth.
+        raised: which of these frames are missing, and why, is in the gaps. A stream without a fault has none. A pipe is
+        a UsageError: salvaging goes back and forth.
         """
         _check_range(start, stop)
         self._check_salvage()
@@ -147,7 +125,7 @@ class StreamReader:
     ) -> Iterator[DecodedFrame | Gap]:
         """The frames with their layers, and the gaps; each frame as soon as none of its layers can follow.
 
-        A fault that is raised behind a frame comes after it, as one in a layer takes nothing from what was before it.
+        A fault that is raised after a frame comes after it, as one in a layer takes nothing from what was before it.
         """
         frame: DecodedFrame | None = None  # one that may get more layers
         while True:

@@ -64,22 +64,17 @@ class _Head:
 class Salvage:
     """The chunks of a damaged file that can be decoded, and the gaps between them, in their order.
 
-    Nothing is believed without a right checksum, and nothing is guessed: behind a gap decoding goes on only
+    Nothing is believed without a right checksum, and nothing is guessed: after a gap decoding goes on only
 
     - with a P- or R-frame that has the number that was due, if no frame is known to be missing before it;
     - with an I-frame that has this number or a greater one;
     - with an end chunk whose `frame_count` is possible.
 
-    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is said and decoded all the same. A fault in a
-    layer loses no frame of the base; all layers then are missing until they begin anew, except those that the frame had
-    before the fault.
+    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is reported and decoded all the same. A fault in
+    a layer loses no frame of the base; all layers then are missing until they begin anew, except those that the frame
+    had before the fault.
 
     What follows a second sequence header, up to its end chunk, belongs to another stream and is skipped.
-
-    Attributes
-    ----------
-    checksummed
-        Bytes checksummed to find whole chunks, at most `WholeChunks.MAX_CHECKSUMMED` times the file's.
     """
 
     def __init__(self, decoder: ChunkDecoder, place: Place) -> None:
@@ -207,7 +202,7 @@ class Salvage:
         self._gap.note(fault)
 
     def _skip_to(self, offset: int) -> None:
-        """Go on behind what is damaged or cannot be used."""
+        """Go on after what is damaged or cannot be used."""
         assert self._gap is not None
         self._gap.skipped += offset - self._place.offset
         self._gap.end = offset

@@ -37,12 +37,8 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
     """The last I-frame at or before frame `number`, or the end chunk if there are fewer frames (R-12.6-6).
 
     Its state is that of a decoder which has read nothing but the sequence header (R-12.6-4). Frame 0, and any frame of
-    a pipe, is decoded from the start (R-12.6-3).
-
-    Raises
-    ------
-    GsvcError
-        A chunk on the way breaks a rule that a hop checks (R-12.6-1, R-12.6-7).
+    a pipe, is decoded from the start (R-12.6-3). A chunk before it that breaks a rule which a hop checks raises a
+    GsvcError (R-12.6-1, R-12.6-7).
     """
     place = here = decoder.first
     if number == 0 or not decoder.source.seekable:
@@ -93,25 +89,12 @@ def hop_over_window(decoder: ChunkDecoder, here: Place, number: int, *, stop_at:
 def _hop(
     data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int, stop_at: int
 ) -> tuple[int, int, int, int, int]:
-    """Hop over frames and ancillary chunks, up to and with frame `number`, or the first other chunk.
+    """Hop over ancillary chunks and frames `next_number` to `number`, or up to the first other chunk.
 
-    Parameters
-    ----------
-    data
-        Bytes from the first chunk on.
-    left
-        The number of bytes from there to the end of the source.
-    longest
-        Maximum number of bytes of a payload.
-    next_number, number
-        The number of the next frame, and of the last one to hop over.
-    stop_at
-        A type of ancillary chunks that are not hopped over; 0: none.
-
-    Returns
-    -------
-    Offset in `data` and number of what comes next, and the bytes of the chunk before it if that is an index, else 0;
-    offset and number of the last I-frame, with offset -1 if there was none.
+    `data` begins with a chunk, and `left` bytes are left of the source from there; `longest` is the most of a payload.
+    `stop_at` is a type of ancillary chunks that are not hopped over; 0: none. Returns offset in `data` and number of
+    what comes next, and the bytes of the chunk before it if that is an index, else 0; offset and number of the last
+    I-frame, with offset -1 if there was none.
     """
     at, index_length, i_at, i_number = 0, 0, -1, 0
     while next_number <= number and at < len(data):

@@ -16,24 +16,7 @@ READ_AT_ONCE: Final = 1 << 20
 
 
 class Source:
-    """A binary source that counts offsets from where it stood when it was handed in.
-
-    Attributes
-    ----------
-    seekable
-        Whether `seek` may go back.
-    size
-        Bytes from the start of the stream to the end of the source when it was opened; None for a pipe.
-    offset
-        Bytes from the start of the stream to what `read` returns next.
-    lock
-        Held from a `seek` to the reads that belong to it, since several threads may read one stream.
-
-    Raises
-    ------
-    UsageError
-        The source is neither a path nor bytes nor a binary file.
-    """
+    """A binary source that counts offsets from where it stood when it was handed in."""
 
     def __init__(self, source: str | Path | bytes | bytearray | memoryview | BinaryIO) -> None:
         self._owned = not hasattr(source, "read")
@@ -49,11 +32,11 @@ class Source:
                 f"a {type(source).__name__} is no source; give a path, bytes or a file opened in mode 'rb'"
             )
         self.seekable = hasattr(self._file, "seekable") and self._file.seekable()
-        self.offset = 0
+        self.offset = 0  # bytes from the start of the stream to what `read` returns next
         self._ahead = b""  # a byte that was peeked at
-        self.lock = threading.RLock()
+        self.lock = threading.RLock()  # from a `seek` to the reads that belong to it: threads may share a stream
         self._closed = False
-        self.size: int | None = None
+        self.size: int | None = None  # bytes from the start of the stream to the end of the source; None for a pipe
         if self.seekable:
             self._start = self._file.tell()
             self.size = self._file.seek(0, 2) - self._start
@@ -91,13 +74,7 @@ class Source:
         return self._ahead[0] if self._ahead else None
 
     def seek(self, offset: int) -> None:
-        """Go to an offset.
-
-        Raises
-        ------
-        UsageError
-            The offset lies behind, and the source cannot go back; or it was closed.
-        """
+        """Go to an offset, which must not be less than the present one if the source cannot go back."""
         if self._closed:
             raise UsageError("this stream was closed; open it again to read more")
         if offset == self.offset:
@@ -135,13 +112,7 @@ class Source:
 
 
 class SourceReader(Reader):
-    """A Reader of what stands outside of payloads; it takes bytes from a source as they are needed, and keeps none.
-
-    Attributes
-    ----------
-    first_bit
-        Offset in bits, from the start of the stream, of the bytes taken last.
-    """
+    """A Reader of what stands outside of payloads; it takes bytes from a source as they are needed, and keeps none."""
 
     def __init__(
         self, source: Source, trace: Callable[[Element], None] | None = None, *, end_rule: str = "R-6.2-4"

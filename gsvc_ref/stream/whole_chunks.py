@@ -1,4 +1,4 @@
-"""Finding whole chunks in a damaged file, in time that grows with the file's size, whatever its bytes are."""
+"""Finding whole chunks in a damaged file, in time that grows with its size, not with what its bytes claim."""
 
 from typing import Final
 
@@ -48,11 +48,11 @@ def _first_whole(
     """Offset and size of the first whole chunk that begins in first..stop-1; -1 and 0 if there is none."""
     for at in range(first, stop):
         end = payload_end(data, at, longest)
-        if end < 0 or end + CRC_SIZE > len(data):
+        if end < 0 or end + CRC_SIZE > len(data):  # most bytes fail by type or length, at no cost
             continue
         stated = 0
         for byte in range(CRC_SIZE):
-            stated |= int(data[end + byte]) << (8 * byte)
+            stated |= int(data[end + byte]) << (8 * byte)  # little-endian
         if stated == crc32c_of_part(data, kept, at, end, zero_tables):
             return at, end + CRC_SIZE - at
     return -1, 0
@@ -63,34 +63,20 @@ class WholeChunks:
 
     A byte is checksummed once for each window that it lies in, and a chunk's checksum follows from two positions of
     a window, so that nothing a hostile file claims about its lengths costs more. Windows overlap where chunks may.
-
-    Parameters
-    ----------
-    source
-        The file, which can be sought.
-    longest
-        Maximum number of bytes of a payload.
-
-    Attributes
-    ----------
-    end
-        The offset of the end of the file.
-    checksummed
-        Bytes of all windows so far: at most `MAX_CHECKSUMMED` times the file's.
     """
 
     MAX_CHECKSUMMED: Final = 6
 
     def __init__(self, source: Source, longest: int) -> None:
         self._source = source
-        self.end = source.size or 0
+        self.end = source.size or 0  # offset of the end of the file
         self._longest = longest
-        self._reach = max(longest, LONGEST_HEADER) + LONGEST_FRAME
+        self._reach = max(longest, LONGEST_HEADER) + LONGEST_FRAME  # bytes of the longest chunk
         self._step = max(READ_AT_ONCE, longest // 2)
         self._first = 0  # offset of the window in the file
         self._data = np.empty(0, np.uint8)
         self._kept = np.empty(1, np.uint32)
-        self.checksummed = 0
+        self.checksummed = 0  # bytes of all windows so far: at most `MAX_CHECKSUMMED` times the file's
 
     def size_at(self, offset: int) -> int | None:
         """The size in bytes of the chunk at an offset; None if there is no whole one."""
@@ -99,7 +85,7 @@ class WholeChunks:
         return size if at == offset else None
 
     def after_damaged(self, offset: int, end: int | None) -> int:
-        """The offset behind the chunk at `offset`, which is not whole; the file's size if nothing whole follows.
+        """The offset after the chunk at `offset`, which is not whole; the file's size if nothing whole follows.
 
         It is `end`, where the chunk ends by its length, if a whole chunk or the file's end is there; else the next byte
         at which a whole chunk begins.

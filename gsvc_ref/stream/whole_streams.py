@@ -57,6 +57,7 @@ class StreamSplats(NamedTuple):
     """Kind, rule and offset in bits of the first fault; empty if there is none."""
 
 
+# twin of spec.read_stream
 def read_stream(stream: bytes) -> StreamCodes:
     """The codes of a stream of profile `paper`, frame by frame and block by block in the order of its bytes.
 
@@ -68,7 +69,7 @@ def read_stream(stream: bytes) -> StreamCodes:
     Returns
     -------
     StreamCodes
-        Flat arrays, from which a decoder of its own needs no syntax.
+        Flat arrays: a decoder that reads them needs no syntax.
 
     Raises
     ------
@@ -134,6 +135,7 @@ class MainStreamCodes(NamedTuple):
     """(N, 8) i8, the states of the splats of all frames."""
 
 
+# twin of spec.read_main_stream
 def read_main_stream(stream: bytes) -> MainStreamCodes:
     """The codes that a stream of profile `main` consists of, frame by frame (spec.md section 15.12).
 
@@ -186,6 +188,7 @@ def _joined(parts: list[Any], empty: Array) -> Array:
     return np.concatenate([empty, *(part.astype(empty.dtype) for part in parts if part is not None)])
 
 
+# twin of spec.reconstruct_stream
 def reconstruct_stream(stream: bytes) -> StreamSplats:
     """The splats of all complete frames of a stream, and its first fault, which is not raised.
 
@@ -202,6 +205,7 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
     return _splats_of(_frames_between(stream, 0, None))
 
 
+# twin of spec.reconstruct_layers
 @door
 def reconstruct_layers(stream: bytes, layer: int) -> StreamSplats:
     """The splats of all complete frames of a stream in the quality of a layer, and its first fault (section 15.13).
@@ -226,6 +230,7 @@ def reconstruct_layers(stream: bytes, layer: int) -> StreamSplats:
     return _splats_of(_frames_between(stream, 0, None, layer))
 
 
+# twin of spec.seek
 @door
 def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     """The splats of frames `first` to `last`, decoded from the last I-frame at or before them (spec.md section 12.6).
@@ -240,7 +245,7 @@ def seek(stream: bytes, first: int, last: int) -> StreamSplats:
     Returns
     -------
     StreamSplats
-        `counts`, `parameters` and `error`, which is the first fault that was met on the way.
+        `counts`, `parameters` and `error`, which is the first fault.
     """
     return _splats_of(_frames_between(stream, first, last + 1))
 
@@ -261,6 +266,7 @@ def _splats_of(frames: Iterator[DecodedFrame]) -> StreamSplats:
     return StreamSplats(counts, np.concatenate([np.zeros((0, 8), np.float32), *splats]), error)
 
 
+# twin of spec.decode_stream
 def decode_stream(stream: bytes) -> Array:
     """The frames of a stream, all at once; `decode` gives them one by one.
 
@@ -282,6 +288,23 @@ def decode_stream(stream: bytes) -> Array:
     return np.stack(list(decode(stream, layer=0)))
 
 
+# twin of spec.decode_stream_deterministic
 def decode_stream_deterministic(stream: bytes) -> Array:
-    """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1)."""
+    """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1).
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+
+    Returns
+    -------
+    NDArray
+        (T, H, W, 3) u1 for 8 bits, else u2, with the same bits on every machine.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
     return np.stack(list(decode(stream, precision="deterministic", layer=0)))

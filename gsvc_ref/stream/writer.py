@@ -68,56 +68,23 @@ class StreamWriter:
     """A `.gsvc` stream in the making; what it accepts, every conforming decoder decodes to the same splats.
 
     Header and frames are handed to the system at once, so that a reader of the other end can follow. `finish` makes the
-    stream whole and may be called after any frame, also after `write_frame` was interrupted.
-
-    Parameters
-    ----------
-    target
-        A binary file opened for writing, which stays open. If it can go back, `finish` corrects `frame_count` in the
-        header; otherwise, as on a pipe, that is written as 0, unknown.
-    header
-        The sequence header; its `frame_count` may be 0 or a guess.
-    index
-        Whether to write an index, so that readers find I-frames at once.
-    live
-        Never go back: at every moment the file is the beginning of the stream that it will be.
-    least_level
-        Let `finish` lower the level in the header to the least that allows all frames, if the target can go back.
-    make_writer
-        Makes the Writer of each payload and chunk, given the bit at which it begins; for tests of decoders
-        (gsvc_ref.testing).
-
-    Attributes
-    ----------
-    header
-        The sequence header as written.
-    frame_count
-        The number of frames written so far.
-    state
-        The state of a decoder after the frames so far: predict from `state.splats`.
-    layers
-        The layers of the frame written last, as a decoder of the highest quality has them; None where there are none.
-    bits
-        The number of bits written by category (`categories_of` the profile).
-    offset
-        The number of bytes written.
-    goes_back
-        Whether `finish` corrects what was written.
+    stream whole and may be called after any frame, also after `write_frame` was interrupted. It corrects `frame_count`
+    in the header if the target can go back; otherwise, as on a pipe, that is written as 0, unknown.
     """
 
     def __init__(
         self,
-        target: BinaryIO,
-        header: SequenceHeader,
+        target: BinaryIO,  # stays open
+        header: SequenceHeader,  # `frame_count` may be 0 or a guess
         *,
-        index: bool = True,
-        live: bool = False,
-        least_level: bool = False,
-        make_writer: MakeWriter = Writer,
+        index: bool = True,  # so that readers find I-frames at once
+        live: bool = False,  # never go back: at every moment the file is the beginning of the stream that it will be
+        least_level: bool = False,  # let `finish` lower the level to the least that allows all frames
+        make_writer: MakeWriter = Writer,  # of each payload and chunk, given its first bit; for tests of decoders
     ) -> None:
         self._target = target
         self._make_writer = make_writer
-        self.goes_back = not live and can_go_back(target)
+        self.goes_back = not live and can_go_back(target)  # whether `finish` corrects what was written
         self._start = target.tell() if self.goes_back else 0
         self._entries: list[_IndexEntry] | None = [] if index else None
         self.frame_count = 0
@@ -128,12 +95,13 @@ class StreamWriter:
         self._most_splats = self._most_work = self._longest_frame = 0
         self._profile = profile_of(header)
         self._categories = categories_of(header.profile)
-        self.state = self._profile.initial(header)
+        self.state = self._profile.initial(header)  # of a decoder after the frames so far
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
+        # of the last frame, for a decoder of the highest quality
         self.layers = Layers(header.layer_count - 1) if header.layer_count > 1 else None
-        self.bits: Counter[str] = Counter()
-        self.offset = 0
+        self.bits: Counter[str] = Counter()  # written, by category (`categories_of` the profile)
+        self.offset = 0  # bytes written
         s = make_writer(0)
         chunks.magic(s)
         chunks.version(s)
@@ -145,20 +113,10 @@ class StreamWriter:
     def write_frame(self, codes: AnyCodes, state: AnyState | None = None) -> DecodedFrame:
         """Write a frame: what a reader will make of it, with the bits that each category took.
 
-        Parameters
-        ----------
-        codes
-            The codes of the frame.
-        state
-            The state behind the frame, ``reconstruct(codes, self.state)``, where the caller has it already, as an
-            encoder does; it is not computed again. Profile `main` finds it as it writes the codes.
-
-        Raises
-        ------
-        UsageError
-            The codes break a rule or a limit; the message names it. Nothing has been written.
-        GsvcError
-            ``invalid``, R-8-1: a reconstructed parameter is not finite. Nothing has been written.
+        An encoder that has the state after the frame already, ``reconstruct(codes, self.state)``, gives it, so that it
+        is not computed again; profile `main` finds it as it writes the codes. A UsageError names the rule or limit that
+        the codes break, and a parameter that is not finite after reconstruction is a GsvcError (R-8-1); nothing has
+        been written then.
         """
         if self.frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
@@ -200,17 +158,9 @@ class StreamWriter:
     def write_layer(self, layer: int, codes: MainCodes) -> DecodedLayer:
         """Write a layer of the frame written last: what a reader will make of it (spec.md section 15.13).
 
-        Parameters
-        ----------
-        layer
-            1 to `layer_count` - 1, greater than that of any layer written behind the same frame.
-        codes
-            Its codes, which continue those of the same layer behind the frame before.
-
-        Raises
-        ------
-        UsageError
-            The codes break a rule or a limit; the message names it. Nothing has been written.
+        `layer` is 1 to `layer_count` - 1, greater than that of any layer written after the same frame, and its codes
+        continue those of the same layer after the frame before. A UsageError names the rule or limit that the codes
+        break; nothing has been written then.
         """
         if self.layers is None or self.layers.base is None:
             raise UsageError("a layer needs a header with a `layer_count` above 1, and a frame that it is added to")
@@ -262,12 +212,7 @@ class StreamWriter:
         """Write index and end chunk and correct the header: how many bits of the stream went to each category.
 
         `ancillary` is the type and payload of one more chunk for `write_ancillary`, before the index; it is left out if
-        the level has no room for it.
-
-        Raises
-        ------
-        UsageError
-            No frame has been written, and a stream must have one (R-6.1-5).
+        the level has no room for it. Without a frame it raises a UsageError: a stream must have one (R-6.1-5).
         """
         if self.frame_count == 0:
             raise UsageError("no frame has been written; a stream must have at least one (R-6.1-5)")

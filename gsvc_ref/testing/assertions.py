@@ -29,52 +29,27 @@ Namer = Callable[[tuple[int, ...]], str]
 
 @dataclass(frozen=True)
 class Legal:
-    """What an output may be.
+    """What an output may be."""
 
-    Attributes
-    ----------
-    value
-        The true numbers, f8.
-    lowest, highest
-        Limits of each element, of the same shape.
-    name
-        What an element is.
-    """
-
-    value: F8
-    lowest: F8
+    value: F8  # the true numbers
+    lowest: F8  # limits of each element, of the same shape
     highest: F8
-    name: Namer
+    name: Namer  # what an element is
 
 
 def assert_within_bound(operation: str, given: Any, /, **inputs: Any) -> None:
     """Assert that what an implementation computed is within the bounds of a correct binary32 implementation.
 
-    The true numbers and the bound of every element are found from the inputs; nothing is compiled. Elements are judged
-    as `gsvc-conformance` judges them; the limits of groups of gradients (spec.md 13.5) are the kit's alone.
+    The operation is one of ``render_sum``, ``render_frame``, ``render_gradients``, ``loss``, ``weighted_gradients`` and
+    ``adan_step`` (spec.md section 4.3), and the inputs have its names and shapes: ``parameters`` is `Splats` or (N, 8).
+    The true numbers and the bound of every element are found from the inputs; nothing is compiled. Operations take
+    binary32: inputs of float64 are rounded to it before, so give both sides the same float32. Elements are judged as
+    `gsvc-conformance` judges them; the limits of groups of gradients (spec.md 13.5) are the kit's alone.
 
-    Parameters
-    ----------
-    operation
-        An operation of spec.md section 4.3: ``render_sum``, ``render_frame``, ``render_gradients``, ``loss``,
-        ``weighted_gradients`` or ``adan_step``.
-    given
-        What was computed: numbers of any type in the shape of the output. Of an operation with several outputs,
-        a mapping of their names to arrays, or the arrays in the order of section 4.3.
-        They are compared in binary64.
-    inputs
-        The inputs of the operation by their names: ``parameters`` (`Splats` or (N, 8)), ``width``, ``height`` and
-        ``bit_depth``; ``parameters`` and ``residual`` (H, W, 3); ``picture`` and ``target`` (H, W, 3); ``values``
-        (N, 9) and ``gradients`` (N, 8); those of `gsvc_ref.adan_step`. The operations take binary32: inputs of float64
-        are rounded to it before the true numbers are found, so give both sides the same float32.
-
-    Raises
-    ------
-    AssertionError
-        An output has another shape, a NaN, or an element out of bounds. The message says which splat, or pixel and
-        channel, is worst, what it is, what it should be, the bound, and the ratio of error and bound.
-    UsageError
-        The operation is not one of these, or an input is missing or wrong.
+    What was computed has any type in the shape of the output, and is compared in binary64. Of an operation with several
+    outputs it is a mapping of their names to arrays, or the arrays in the order of section 4.3. An AssertionError says
+    which splat, or pixel and channel, is worst, what it is, what it should be, the bound, and the ratio of error and
+    bound.
     """
     __tracebackhide__ = True  # pytest shows the test instead
     if operation not in OPERATIONS:
@@ -95,18 +70,8 @@ def assert_within_bound(operation: str, given: Any, /, **inputs: Any) -> None:
 def assert_same_splats(given: Sequence[Splats | ArrayLike], stream: Stream) -> None:
     """Assert that a decoder reconstructed the splats of a stream, bit for bit (R-8-2).
 
-    Parameters
-    ----------
-    given
-        What was decoded: the splats of each frame, `Splats` or (N, 8) f4 in the columns of `Splats.to_array`.
-    stream
-        The stream that was decoded.
-
-    Raises
-    ------
-    AssertionError
-        There is another number of frames or of splats, another type, or another bit. The message names the first frame
-        and splat that differ, the parameter, what was given and what was expected, with their bits.
+    `given` has the splats of each frame, `Splats` or (N, 8) f4 in the columns of `Splats.to_array`. An AssertionError
+    names the first frame and splat that differ, the parameter, what was given and what was expected, with their bits.
     """
     __tracebackhide__ = True  # pytest shows the test instead
     if len(given) != len(stream.splats):

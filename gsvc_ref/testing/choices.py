@@ -25,7 +25,7 @@ class Choices(ABC):
         return self.pick((False, True))
 
     def generator(self) -> Draws:
-        """A generator of a seed of its own, to paint bulk data with."""
+        """A generator of another seed, to paint bulk data with."""
         return Draws(self.integer(0, 2**32 - 1))
 
     def binary(self, longest: int) -> bytes:

@@ -25,23 +25,15 @@ LayersOfFrames = Mapping[int, Sequence[tuple[int, MainCodes]]]
 
 @dataclass(frozen=True, eq=False)
 class Lie:
-    """One element, or run of equal ones, of a stream that does not say the truth.
-
-    Attributes
-    ----------
-    element
-        Its name in spec.md, also after that of its plane or channel: ``symbol``, ``color_index[1].symbol``,
-        ``l21.cholesky_scale``; ``align`` is what `align()` skips.
-    value
-        The value that is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as
-        ``"0110"``; or a function from the truth to one of these. A single `f32` is a run of one.
-    occurrence
-        Which element of that name lies, counted from 0 through the stream as it is written: a payload before its chunk.
-    """
+    """One element, or run of equal ones, of a stream that does not say the truth."""
 
     element: str
+    """Its name in spec.md, also after that of its plane or channel: ``symbol``, ``color_index[1].symbol``,
+    ``l21.cholesky_scale``; ``align`` is what `align()` skips."""
     value: Any
-    occurrence: int = 0
+    """What is written instead: an int; a list of them for a run; raw ``bytes``; a string of bits such as ``"0110"``; or
+    a function from the truth to one of these. A single `f32` is a run of one."""
+    occurrence: int = 0  # which of that name, through the stream as it is written: a payload before its chunk
 
 
 @dataclass
@@ -120,7 +112,7 @@ class FaultyWriter(Writer):
         return values
 
     def pairs(self, names: tuple[str, str], count: int, values: U4 | None = None) -> Iterator[U4]:
-        """A run of pairs of `uv`; the lie is told of the first name."""
+        """A run of pairs of `uv`; the lie is about the first name."""
         assert values is not None
         self._tell(
             names[0], values, lambda said: list(super(FaultyWriter, self).pairs(names, len(said), np.asarray(said)))
@@ -147,25 +139,11 @@ def write_stream(
     layers: LayersOfFrames | None = None,
     lies: Iterable[Lie] = (),
 ) -> bytes:
-    """The bytes of a stream.
+    """The bytes of a stream, with elements that lie.
 
-    Parameters
-    ----------
-    header, frames
-        The contents; the header's `frame_count` becomes that of `frames`.
-    index
-        Whether it has an index.
-    ancillary
-        Type and payload of a chunk by the number of the frame that it stands before.
-    layers
-        The layers of frames, by the number of the frame.
-    lies
-        Elements that say something else.
-
-    Raises
-    ------
-    UsageError
-        The frames break a rule, or a lie was never told because no such element was written.
+    The header's `frame_count` becomes that of `frames`. `ancillary` has type and payload of a chunk by the number of
+    the frame that it precedes, `layers` those of frames by their number. A UsageError says that the frames break a
+    rule, or that no element was written which a lie is about.
     """
     lies = list(lies)
     liar = Liar(lies)

@@ -73,13 +73,7 @@ class DrawnNumbers(Draws):
 
 @st.composite
 def headers(draw: st.DrawFn, *, max_pixels: int = LEVEL1_PIXELS) -> SequenceHeader:
-    """Legal sequence headers; all elements but the size take their whole range.
-
-    Parameters
-    ----------
-    max_pixels
-        Maximum width * height.
-    """
+    """Legal sequence headers; all elements but the size take their whole range."""
     return make_header(DrawnChoices(draw), max_pixels=max_pixels)
 
 
@@ -94,16 +88,8 @@ def frames(
 def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS) -> st.SearchStrategy[Stream]:
     """Legal streams with all that the syntax allows: those of `random_stream`, drawn by Hypothesis.
 
-    What a stream needs of the compiler is compiled before the first is drawn, and so is `gsvc_ref.reconstruct_stream`.
-
-    Parameters
-    ----------
-    max_frames
-        Maximum number of frames; there is one at least.
-    max_count
-        Maximum number of new splats of a frame.
-    max_pixels
-        Maximum width * height.
+    `max_count` limits the new splats of a frame. What a stream needs of the compiler is compiled before the first is
+    drawn, and so is `gsvc_ref.reconstruct_stream`.
     """
 
     @st.composite
@@ -120,13 +106,7 @@ def streams(*, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVE
 def main_streams(
     *, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS
 ) -> st.SearchStrategy[Stream]:
-    """Legal streams of profile `main` with all that the syntax allows: those of `random_main_stream`.
-
-    Parameters
-    ----------
-    max_frames, max_count, max_pixels
-        As of `streams`.
-    """
+    """Legal streams of profile `main` with all that the syntax allows: those of `random_main_stream`."""
 
     @st.composite
     def drawn(draw: st.DrawFn) -> Stream:

@@ -64,22 +64,14 @@ class RandomRun(Run):
 def random_main_stream(
     seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS
 ) -> Stream:
-    """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
-
-    Parameters
-    ----------
-    seed
-        The same seed and the same other arguments give the same bytes.
-    max_frames, max_count, max_pixels
-        Maximum number of frames, of new splats of a frame, and of pixels.
-    """
+    """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis."""
     return make_main_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
 
 
 def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
     """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities.
 
-    Where `layer_count` allows it, frames have layers; a chunk of each stands behind most frames.
+    Where `layer_count` allows it, frames have layers; a chunk of each follows most frames.
     """
     header = make_main_header(choices, max_pixels=max_pixels)
     state = MainState.initial(header.width, header.height)
@@ -106,7 +98,7 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
 def make_layer(
     choices: Choices, header: SequenceHeader, layers: Layers, layer: int, *, max_count: int = 120
 ) -> tuple[MainCodes, Layers]:
-    """A layer that may follow, with at most `max_count` new splats, and the layers behind it."""
+    """A layer that may follow, with at most `max_count` new splats, and the layers after it."""
     types = "IPR" if layer in layers.before else "I"
     before, taken = layers.start_of(layer, header), layers.others(layer)
     codes, state = make_main_frame(choices, header, before, types=types, max_count=max_count, taken=taken)
@@ -133,10 +125,10 @@ def make_main_frame(
     kind: Kind | None = None,
     taken: int = 0,
 ) -> tuple[MainCodes, MainState]:
-    """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state behind it.
+    """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state after it.
 
-    With `count` it has so many new splats, and with `kind` symbols of that kind. Of the splats that a frame may have,
-    `taken` are those of other layers.
+    `count` is the number of new splats, and `kind` that of all symbols, where they are given. Of the splats that a
+    frame may have, `taken` are those of other layers.
     """
     letters: tuple[FrameType, ...] = ("I", "P", "R")
     frame_type = choices.pick([letter for letter in letters if letter in types])

@@ -42,25 +42,13 @@ SYMBOL_KINDS = ("constant", "uniform", "peaked", "sparse", "rare")
 
 @dataclass(frozen=True, eq=False)
 class Stream:
-    """A legal stream.
-
-    Attributes
-    ----------
-    data
-        Its bytes.
-    header, frames
-        Their contents.
-    splats
-        The splats of each frame that they stand for, bit for bit; of a frame with layers, those of the base.
-    layers
-        The layers of frames, by the number of the frame.
-    """
+    """A legal stream."""
 
     data: bytes
     header: SequenceHeader
     frames: Sequence[AnyCodes]
-    splats: list[Splats]
-    layers: LayersOfFrames = field(default_factory=dict)
+    splats: list[Splats]  # of each frame, bit for bit; of a frame with layers, those of the base
+    layers: LayersOfFrames = field(default_factory=dict)  # of frames, by their number
 
     def __repr__(self) -> str:
         types = " ".join(f"{codes.type}({len(splats)})" for codes, splats in zip(self.frames, self.splats, strict=True))
@@ -73,28 +61,14 @@ class Stream:
 
 @dataclass(frozen=True)
 class Wishes:
-    """What a random stream has to have; None, or an element that is not there: whatever is drawn.
-
-    Attributes
-    ----------
-    elements
-        Values of the sequence header by the names of `SequenceHeader`. With a size and without a level, the level is
-        raised to one that allows the size and `splats`.
-    frames
-        The number of frames.
-    splats
-        The number of splats of every frame.
-    types
-        The types of the frames behind the first, which is an I-frame: letters of ``IPR``. One that stands there twice
-        is drawn twice as often.
-    index, ancillary, paced
-        Whether there is an index, are ancillary chunks, and whether the stream is paced.
-    """
+    """What a random stream has to have; what is None, or an element that is not there, is drawn."""
 
     elements: Mapping[str, int] = field(default_factory=dict)
-    frames: int | None = None
-    splats: int | None = None
-    types: str = "IPR"
+    """Values of the sequence header by the names of `SequenceHeader`. With a size and without a level, the level is
+    raised to one that allows the size and `splats`."""
+    frames: int | None = None  # how many
+    splats: int | None = None  # how many each frame has
+    types: str = "IPR"  # of the frames after the first, an I-frame; a letter that is there twice is drawn more often
     index: bool | None = None
     ancillary: bool | None = None
     paced: bool | None = None
@@ -121,19 +95,8 @@ def random_stream(
 ) -> Stream:
     """The legal stream of a seed: what the strategy `streams` draws, for those without Hypothesis.
 
-    Parameters
-    ----------
-    seed
-        The same seed and the same other arguments give the same bytes.
-    max_frames, max_count, max_pixels
-        Maximum number of frames, of new splats of a frame, and of pixels, where `wishes` do not say how many.
-    wishes
-        What the stream has to have.
-
-    Raises
-    ------
-    UsageError
-        No legal stream has that.
+    `max_count` limits the new splats of a frame, and all limits count where `wishes` do not say how many. A UsageError
+    says that no legal stream has what is wished.
     """
     choices = SeededChoices(seed)
     return make_stream(choices, max_frames=max_frames, max_count=max_count, max_pixels=max_pixels, wishes=wishes)
@@ -147,12 +110,7 @@ def make_stream(
     Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,
     parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version;
     paced where it keeps the limits of a second. What is wished is drawn like all else, and then replaced: so the rest
-    stays what it was.
-
-    Raises
-    ------
-    UsageError
-        No legal stream has what is wished.
+    stays what it was. A UsageError says that no legal stream has what is wished.
     """
     header = _granted(make_header(choices, max_pixels=max_pixels), wishes)
     state = State.initial(header.width, header.height)
@@ -190,13 +148,7 @@ def make_stream(
 
 
 def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
-    """A drawn header with the elements that are wished.
-
-    Raises
-    ------
-    UsageError
-        There is no such element, or a value of it is not allowed, or the level does not allow what is wished.
-    """
+    """A drawn header with the elements that are wished."""
     unknown = [name for name in wishes.elements if name not in vars(header)]
     if unknown:
         raise UsageError(f"the sequence header has no element {unknown[0]}; it has {', '.join(vars(header))}")
@@ -216,13 +168,7 @@ def _paced(
     parts: Mapping[str, Any],
     rate_is_wished: bool,
 ) -> Stream:
-    """The paced stream, at its frame rate, or else, unless that is wished, at 25 frames a second.
-
-    Raises
-    ------
-    UsageError
-        It keeps the limits of a second at neither.
-    """
+    """The paced stream, at its frame rate, or else, unless that is wished, at 25 frames a second."""
     header = replace(header, paced_flag=True)
     try:
         return _written(header, codes, splats, parts)
@@ -277,7 +223,7 @@ def make_frame(
 ) -> FrameCodes:
     """A frame that may follow `state`: one of `types`, with up to `max_count` new splats and `ANY_SIZE_SPLATS` in all.
 
-    With `count` it has so many splats, unless it is an R-frame; `state` must have no more.
+    With `count` that is the number of its splats, unless it is an R-frame; `state` must have no more.
     """
     letters: tuple[FrameType, ...] = ("I", "P", "R")
     options = [letter for letter in letters for _ in range(types.count(letter))]
@@ -352,7 +298,7 @@ def _codebooks(choices: Choices, header: SequenceHeader) -> Codebooks:
 
 
 def _columns(choices: Choices, count: int, alphabets: tuple[int, ...]) -> U2:
-    """(count, len(alphabets)) u2, each column a plane of a kind of its own."""
+    """(count, len(alphabets)) u2, each column a plane of another kind."""
     rng = choices.generator()
     columns = np.empty((count, len(alphabets)), np.uint16)
     for k, alphabet in enumerate(alphabets):

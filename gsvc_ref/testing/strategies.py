@@ -30,7 +30,7 @@ ALL_PARAMETERS: Final = (1 << PARAMETERS_PER_SPLAT) - 1
 
 @st.composite
 def painters(draw: st.DrawFn) -> np.random.Generator:
-    """Random generators, each of its own seed."""
+    """Random generators, each of another seed."""
     return np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
 
 
@@ -47,16 +47,8 @@ def splat_sets(
     """Splats for a frame of `width` by `height` pixels: mostly on it, some over its edges, round ones and needles.
 
     Each splat is drawn by itself and shrinks to ``(0, 0, 1, 0, 1, 0, 0, 0)``; what more than 64 splats have beyond
-    these is painted, and shrinks in number.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    min_count, max_count
-        Limits of the number of splats.
-    hard
-        Whether some parameters are taken from `HARD_NUMBERS`: degenerate factors, huge extents, far positions.
+    these is painted, and shrinks in number. `hard` takes some parameters from `HARD_NUMBERS`: degenerate factors, huge
+    extents, far positions.
     """
     single = _single_splats(width, height, hard)
     most = min(max_count, FEW)
@@ -120,7 +112,7 @@ def _painted(draw: st.DrawFn, count: int, width: int, height: int, hard: bool) -
     rng = Draws(draw(st.integers(0, 2**32 - 1)))
     end = draw(st.integers(count, count + 1000))
     share = draw(st.sampled_from((0.0, 0.05, 0.5))) if hard else 0.0
-    u = rng.random((end, 3 * PARAMETERS_PER_SPLAT))[end - count :]  # every row has numbers of its own
+    u = rng.random((end, 3 * PARAMETERS_PER_SPLAT))[end - count :]  # every row has its own numbers
     size = np.array([width, height])
     positions = (1.2 * u[:, :2] - 0.1) * size
     deviation = 0.3 * ((0.2 * size.max() + 1) / 0.3) ** u[:, 2:4]  # pixels
@@ -146,14 +138,8 @@ class Plane:
 def planes(draw: st.DrawFn, *, max_count: int = 600, alphabets: st.SearchStrategy[int] | None = None) -> Plane:
     """Planes that make an encoder use every `plane_mode`: few runs of symbols, noise, peaks, one odd among many.
 
-    Runs are drawn one by one and shrink; the other kinds are painted, and shrink in number.
-
-    Parameters
-    ----------
-    max_count
-        Maximum number of symbols; there is one at least.
-    alphabets
-        Sizes of the alphabet; 1 to 20 and some larger ones up to 4096 if None.
+    Runs are drawn one by one and shrink; the other kinds are painted, and shrink in number. There is one symbol at
+    least; alphabets have 1 to 20 and some more symbols up to 4096 if None.
     """
     if alphabets is None:
         alphabets = st.one_of(st.integers(1, 20), st.sampled_from((64, 256, 1000, 1024, 4096)))
@@ -180,14 +166,7 @@ def videos(
     """Small videos: frames (H, W, 3) of one size, u1 for 8 bits and u2 for 9 to 16; and their bit depth.
 
     Most have one to four drawn colours, which shrink to black and to one; others are noise. Some move by a pixel a
-    frame.
-
-    Parameters
-    ----------
-    max_frames, max_size
-        Maximum number of frames, and maximum width and height in pixels.
-    bit_depths
-        Their bit depths; 8, 10, 12 and 16 if None.
+    frame. The bit depths are 8, 10, 12 and 16 if None.
     """
     bit_depth = draw(st.sampled_from((8, 10, 12, 16)) if bit_depths is None else bit_depths)
     width, height = draw(st.integers(1, max_size)), draw(st.integers(1, max_size))

@@ -7,8 +7,6 @@ and of `fine_tuning`, which trains them through the quantisers that a decoder wi
 The parts of an iteration are `weighting` (the colours w c'), `adan` (the step), `schedule` (its rates) and
 `convergence`. Between iterations splats go by `pruning` (GSP); before the first one they come by `augmentation` (GSA).
 All choices are in `settings`.
-
-`coordinates`, `descent`, `coarse` and `edges` are the L-BFGS of the encoder of profile `main`.
 """
 
 from gsvc_ref.training.adan import Adan, AdanSettings

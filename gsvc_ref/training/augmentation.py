@@ -38,6 +38,7 @@ LEVELLINGS: Final = 4
 """How often a density is cut off at its limit, and what is cut off spread over the rest in proportion."""
 
 
+# twin of spec.augment
 @door
 def augment(values: F4, uniforms: F4, width: int, height: int) -> F4:
     """New splats of small weight after the old ones, uniformly over the frame (R-10.8-1).

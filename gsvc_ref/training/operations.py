@@ -25,6 +25,7 @@ class AdanStep(NamedTuple):
     """(N,)"""
 
 
+# twin of spec.learning_rates
 @door
 def learning_rates(iterations: ArrayLike, rate: float, factor: float, interval: int) -> F8:
     """The learning rates of iterations, which are counted from 0, by `StepDecay` (10-12); R-10.4-1.
@@ -52,6 +53,7 @@ def learning_rates(iterations: ArrayLike, rate: float, factor: float, interval: 
     return np.array([rate * schedule(int(iteration)) for iteration in np.asarray(iterations)], np.float64)
 
 
+# twin of spec.adan_step
 @door
 def adan_step(
     parameters: ArrayLike,
@@ -102,6 +104,7 @@ def adan_step(
     return AdanStep(moved, *adan.state)
 
 
+# twin of spec.converged
 @door
 def converged(losses: ArrayLike, patience: int, tolerance: float) -> int:
     """The iteration, from 1, after which training stops by `Convergence` (10-31), or 0; R-10.10-1.

@@ -83,6 +83,7 @@ class PruningPlan(NamedTuple):
     """(K,), at least 1 each."""
 
 
+# twin of spec.pruning_plan
 @door
 def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last: int, interval: int) -> PruningPlan:
     """The iterations after which splats are removed, and how many, by (10-25); R-10.7-1.
@@ -114,6 +115,7 @@ def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last
     return PruningPlan(np.array(list(removed), np.int64), np.array(list(removed.values()), np.int64))
 
 
+# twin of spec.prune
 @door
 def prune(weights: ArrayLike, removed: int) -> NDArray[np.int64]:
     """Indices of the splats that stay when those with the least |w| are removed (R-10.7-2).
@@ -155,6 +157,7 @@ class Compacted(NamedTuple):
     steps: NDArray[np.int64]
 
 
+# twin of spec.compact
 @door
 def compact(
     survivors: NDArray[np.int64], values: F4, m: F4, v: F4, n: F4, previous: F4, steps: NDArray[np.int64]

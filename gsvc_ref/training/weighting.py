@@ -14,6 +14,7 @@ WEIGHT = PARAMETERS_PER_SPLAT
 """The column of w."""
 
 
+# twin of spec.weighted_parameters
 @door
 def weighted_parameters(values: F4) -> F4:
     """The parameters that are rendered of splats with weights: colours are w c' (10-10); R-10.3-2.
@@ -33,6 +34,7 @@ def weighted_parameters(values: F4) -> F4:
     return parameters
 
 
+# twin of spec.weighted_gradients
 @door
 def weighted_gradients(values: F4, gradients: F4) -> F4:
     """The gradients of colours and weights from those of their products (10-11); R-10.3-2.

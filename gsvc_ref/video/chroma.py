@@ -26,18 +26,10 @@ PHASE_OF_ROWS: Final = (1, 1, 0, 0, 2, 2)
 
 @dataclass(frozen=True, eq=False)
 class Taps:
-    """A one-dimensional filter: output n is the sum over t of weights[n, t] * input[indices[n, t]], in quarters.
+    """A one-dimensional filter: output n is the sum over t of weights[n, t] * input[indices[n, t]], in quarters."""
 
-    Attributes
-    ----------
-    indices
-        (outputs, taps) i8, within the input.
-    weights
-        (outputs, taps) i8, quarters; each row sums to 4.
-    """
-
-    indices: I8
-    weights: I8
+    indices: I8  # (outputs, taps), within the input
+    weights: I8  # (outputs, taps), quarters; each row sums to 4
 
 
 def up_taps(size: int, phase: int | None) -> Taps:

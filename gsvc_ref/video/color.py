@@ -46,16 +46,9 @@ LUMA_WEIGHTS: Final = {
 
 
 def matrix_pair(matrix: int) -> tuple[F8, F8]:
-    """K and its inverse, written out from K_R and K_B, for R'G'B' and planes in [0, 1] and [-1/2, 1/2].
+    """K and its inverse, (3, 3) f8 each, from K_R and K_B, for R'G'B' and planes in [0, 1] and [-1/2, 1/2].
 
-    Returns
-    -------
-    (3, 3) f8 each. The first column of the inverse is exactly 1 where the first plane is luma, so grey stays grey.
-
-    Raises
-    ------
-    UsageError
-        The matrix is none of MATRIX_NAMES.
+    The first column of the inverse is exactly 1 where the first plane is luma, so grey stays grey.
     """
     if matrix == 0:  # G, B, R
         return np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])
@@ -74,31 +67,15 @@ def matrix_pair(matrix: int) -> tuple[F8, F8]:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """The affine map of a format.
+    """The affine map of a format."""
 
-    Attributes
-    ----------
-    to_planes
-        (3, 3) f8: planes - offset = to_planes @ (R', G', B'), all in sample values.
-    to_rgb
-        (3, 3) f8, its inverse.
-    offset
-        (3,) f8: black of luma, zero of chroma.
-    """
-
-    to_planes: F8
-    to_rgb: F8
-    offset: F8
+    to_planes: F8  # (3, 3): planes - offset = to_planes @ (R', G', B'), all in sample values
+    to_rgb: F8  # (3, 3), its inverse
+    offset: F8  # (3,): black of luma, zero of chroma
 
 
 def conversion(video: VideoFormat) -> Conversion:
-    """The map between the planes of a format and its R'G'B'; an unspecified matrix is taken as `assumed_matrix`.
-
-    Raises
-    ------
-    UsageError
-        The format has no planes (``rgb``), or an unsupported matrix.
-    """
+    """The map between the planes of a format and its R'G'B'; an unspecified matrix is taken as `assumed_matrix`."""
     if video.chroma_format == "rgb":
         raise UsageError("an 'rgb' format has no planes; ask for chroma_format '420', '422' or '444'")
     matrix = assumed_matrix(video.height) if video.color.matrix == 2 else video.color.matrix
@@ -139,6 +116,7 @@ def _to_rgb(
     chroma_width = cb_plane.shape[1]
     cb_row = np.empty(chroma_width, np.int64)
     cr_row = np.empty(chroma_width, np.int64)
+    # Chroma is filtered down the columns first, then along the row: exact integers, in sixteenths.
     for y in range(height):
         above, below = row_indices[y, 0], row_indices[y, 1]
         above_weight, below_weight = row_weights[y, 0], row_weights[y, 1]
@@ -174,6 +152,7 @@ def _to_planes(
         for x in range(width):
             r, g, b = frame[y, x, 0], frame[y, x, 1], frame[y, x, 2]
             y_plane[y, x] = _sample(((matrix[0, 0] * r + matrix[0, 1] * g) + matrix[0, 2] * b) + offset[0], peak)
+    # R'G'B' is filtered, in exact sixteenths, before the matrix makes chroma of it.
     columns = np.empty((width, 3), np.int64)
     for k in range(cb_plane.shape[0]):
         for x in range(width):
@@ -196,22 +175,10 @@ def _to_planes(
 
 
 def to_rgb(planes: Sequence[Plane], video: VideoFormat) -> Frame:
-    """Convert Y'CbCr planes to a full-range R'G'B' frame of the same bit depth.
+    """Convert Y'CbCr planes to a full-range R'G'B' frame (H, W, 3) of the same bit depth, u1 for 8 bits, else u2.
 
-    Parameters
-    ----------
-    planes
-        Y', Cb, Cr (for matrix 0: G', B', R'; for matrix 8: Y, Cg, Co) of shapes ``video.plane_shapes``, u1 for 8 bits,
-        else u2. Samples above the peak are possible in forged files and do no harm.
-
-    Returns
-    -------
-    (H, W, 3) u1 or u2.
-
-    Raises
-    ------
-    UsageError
-        Shapes or dtypes do not fit, or `conversion` refuses the format.
+    The planes (for matrix 0: G', B', R'; for matrix 8: Y, Cg, Co) have the shapes ``video.plane_shapes``. Samples above
+    the peak are possible in forged files and do no harm.
     """
     convert = conversion(video)
     y, cb, cr = (np.ascontiguousarray(plane) for plane in planes)
@@ -238,22 +205,7 @@ def to_rgb(planes: Sequence[Plane], video: VideoFormat) -> Frame:
 
 
 def to_planes(frame: Frame, video: VideoFormat) -> Planes:
-    """Convert a full-range R'G'B' frame to Y'CbCr planes of the same bit depth.
-
-    Parameters
-    ----------
-    frame
-        (H, W, 3), u1 for 8 bits, else u2.
-
-    Returns
-    -------
-    Y', Cb, Cr of shapes ``video.plane_shapes`` and the frame's dtype.
-
-    Raises
-    ------
-    UsageError
-        The frame does not fit the format, or `conversion` refuses the format.
-    """
+    """Convert a full-range R'G'B' frame (H, W, 3) to Y'CbCr planes of the same bit depth, ``video.plane_shapes``."""
     convert = conversion(video)
     check_frame(frame, video)
     vertical, horizontal = phases(video)
@@ -283,6 +235,7 @@ class FramePlanes(NamedTuple):
     cr: Plane
 
 
+# twin of spec.planes_to_frame
 @door
 def planes_to_frame(
     y: Plane,
@@ -316,6 +269,7 @@ def planes_to_frame(
     return to_rgb((y, cb, cr), _described(y.shape, chroma_format, *color, bit_depth))
 
 
+# twin of spec.frame_to_planes
 @door
 def frame_to_planes(
     frame: Frame,

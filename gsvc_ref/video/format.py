@@ -39,28 +39,13 @@ SITING_NAMES: Final = ("left", "centre", "top left", "top", "bottom left", "bott
 
 @dataclass(frozen=True)
 class ColorDescription:
-    """The colours that numbers stand for: code points of ITU-T H.273.
+    """The colours that numbers stand for: code points of ITU-T H.273."""
 
-    Attributes
-    ----------
-    primaries, transfer, matrix
-        ColourPrimaries, TransferCharacteristics and MatrixCoefficients, 0 to 255; 2 is "unspecified".
-    full_range
-        VideoFullRangeFlag.
-    chroma_location
-        ChromaLocType, 0 to 5. For 4:2:2 only its horizontal part counts, for 4:4:4 and R'G'B' nothing.
-
-    Raises
-    ------
-    UsageError
-        A code point is outside its range.
-    """
-
-    primaries: int
-    transfer: int
-    matrix: int
-    full_range: bool
-    chroma_location: int
+    primaries: int  # ColourPrimaries, 0 to 255; 2 is "unspecified" for all three
+    transfer: int  # TransferCharacteristics
+    matrix: int  # MatrixCoefficients
+    full_range: bool  # VideoFullRangeFlag
+    chroma_location: int  # ChromaLocType, 0 to 5; only its horizontal part counts for 4:2:2, nothing for 4:4:4, R'G'B'
 
     def __post_init__(self) -> None:
         for name in ("primaries", "transfer", "matrix"):
@@ -72,39 +57,16 @@ class ColorDescription:
 
 @dataclass(frozen=True)
 class VideoFormat:
-    """The format of a source, or the one that a writer is to produce; frames themselves are always R'G'B'.
+    """The format of a source, or the one that a writer is to produce; frames themselves are always R'G'B'."""
 
-    Attributes
-    ----------
-    width, height
-        In pixels, 1 to 65535 each.
-    frame_rate
-        Frames per second.
-    bit_depth
-        Bits per sample, 8 to 16.
-    chroma_format
-        ``rgb`` (no Y'CbCr planes at all), ``420``, ``422`` or ``444``.
-    color
-        Colour description of the planes.
-    sample_aspect_ratio
-        Width of a pixel divided by its height.
-    frame_count
-        The number that the file states, or None: a hint for progress displays, which reading may contradict.
-
-    Raises
-    ------
-    UsageError
-        A value is outside its range, or matrix 0 (identity) is asked of subsampled planes.
-    """
-
-    width: int
+    width: int  # 1 to 65535 pixels, as height
     height: int
     frame_rate: Fraction
-    bit_depth: int
-    chroma_format: ChromaFormat
-    color: ColorDescription
-    sample_aspect_ratio: Fraction = Fraction(1)
-    frame_count: int | None = None
+    bit_depth: int  # 8 to 16
+    chroma_format: ChromaFormat  # ``rgb`` has no Y'CbCr planes at all
+    color: ColorDescription  # of the planes
+    sample_aspect_ratio: Fraction = Fraction(1)  # width of a pixel divided by its height
+    frame_count: int | None = None  # that the file states: a hint for progress displays, which reading may contradict
 
     def __post_init__(self) -> None:
         if not (1 <= self.width <= MAX_DIMENSION and 1 <= self.height <= MAX_DIMENSION):
@@ -145,13 +107,7 @@ FrameRate = Fraction | int | float | str
 
 
 def exact_frame_rate(value: FrameRate) -> Fraction:
-    """A frame rate as the ratio that it is written as.
-
-    Raises
-    ------
-    UsageError
-        It is no number above 0.
-    """
+    """A frame rate above 0 as the ratio that it is written as."""
     try:
         rate = value if isinstance(value, Fraction) else Fraction(str(value))
     except (ValueError, ZeroDivisionError):
@@ -162,13 +118,7 @@ def exact_frame_rate(value: FrameRate) -> Fraction:
 
 
 def array_format(width: int, height: int, frame_rate: FrameRate, bit_depth: int) -> VideoFormat:
-    """The format of what nothing is known of but its numbers: R'G'B' at full range, of unspecified colours.
-
-    Raises
-    ------
-    UsageError
-        A number is out of its range.
-    """
+    """The format of an array, of which only these numbers are known: R'G'B' at full range, of unspecified colours."""
     for name, value in (("width", width), ("height", height), ("bit_depth", bit_depth)):
         check_whole(name, value)
     color = ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, full_range=True, chroma_location=0)
@@ -176,13 +126,7 @@ def array_format(width: int, height: int, frame_rate: FrameRate, bit_depth: int)
 
 
 def check_frame(frame: Frame, video: VideoFormat) -> None:
-    """Refuse an array that is not a frame of this format.
-
-    Raises
-    ------
-    UsageError
-        Wrong shape or dtype, or a sample above the peak.
-    """
+    """Refuse an array that is not a frame of this format, or has a sample above the peak."""
     expected = (video.height, video.width, 3)
     if frame.shape != expected or frame.dtype != video.dtype:
         raise UsageError(
@@ -196,10 +140,7 @@ def check_frame(frame: Frame, video: VideoFormat) -> None:
 def check_size(width: int, height: int, name: str) -> None:
     """Refuse sizes before anything is allocated.
 
-    Raises
-    ------
-    GsvcError
-        ``malformed`` for a side of 0, ``limit`` for more than 65535 on a side or 2^28 pixels.
+    A GsvcError is ``malformed`` for a side of 0, ``limit`` for more than 65535 on a side or 2^28 pixels.
     """
     if width < 1 or height < 1:
         raise GsvcError("malformed", f"{name} states the size {width}x{height}; both must be at least 1")
@@ -229,12 +170,8 @@ def complete_color(
 ) -> tuple[ColorDescription, list[str]]:
     """Fill in what a file leaves open, and say so: the description, and a list of no or one sentence.
 
-    Unstated primaries and transfer stay unstated, since no conversion here depends on them.
-
-    Raises
-    ------
-    GsvcError
-        ``unsupported`` if the stated matrix is none of MATRIX_NAMES, ``invalid`` if it is identity with subsampling.
+    Unstated primaries and transfer stay unstated, since no conversion here depends on them. A GsvcError is
+    ``unsupported`` if the stated matrix is none of MATRIX_NAMES, ``invalid`` if it is identity with subsampling.
     """
     assumed = []
     if matrix == UNSPECIFIED:

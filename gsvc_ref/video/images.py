@@ -54,10 +54,7 @@ def list_images(folder: Path) -> list[Path]:
 def decode_image(data: bytes, name: str) -> PngImage:
     """Decode a PNG or JPEG file by its content.
 
-    Raises
-    ------
-    GsvcError
-        ``malformed``, ``limit``, or ``unsupported`` (neither format, transparency, CMYK).
+    A GsvcError is ``malformed``, ``limit``, or ``unsupported`` (neither format, transparency, CMYK).
     """
     if data.startswith(PNG_SIGNATURE):
         return decode_png(data, name)
@@ -79,19 +76,9 @@ def decode_image(data: bytes, name: str) -> PngImage:
 
 
 class ImageReader(VideoReader):
-    """A reader of pictures as the frames of a video.
+    """A reader of pictures as the frames of a video: files in order, or the contents of one; at least one.
 
-    Parameters
-    ----------
-    sources
-        Files in order, or the contents of one; at least one.
-    name
-        Name of the whole in messages.
-
-    Raises
-    ------
-    GsvcError
-        See `decode_image`; when iterating, ``invalid`` for a picture of another size or depth than the first.
+    A picture of another size or depth than the first is a GsvcError ``invalid`` when iterating.
     """
 
     def __init__(self, sources: Sequence[Path | bytes], name: str) -> None:
@@ -131,13 +118,7 @@ class ImageReader(VideoReader):
 
 
 def open_folder(folder: Path) -> ImageReader:
-    """Read a folder of pictures.
-
-    Raises
-    ------
-    GsvcError
-        ``invalid`` if it holds none.
-    """
+    """Read a folder of pictures; a GsvcError ``invalid`` says that it holds none."""
     paths = list_images(folder)
     if not paths:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
@@ -172,19 +153,7 @@ def _write_png(target: Path, frame: Frame, video: VideoFormat) -> None:
 class ImageFolderWriter(VideoWriter):
     """A writer of ``frame_000000.png`` and so on into a folder, each file complete before it has its name.
 
-    Parameters
-    ----------
-    folder
-        Created if missing.
-    video
-        The format; its chroma format plays no part, PNG holds R'G'B'.
-
-    Raises
-    ------
-    FileNotFoundError
-        The parent of the folder does not exist.
-    UsageError
-        The folder holds pictures already, which would mix with the new ones.
+    The folder is created if it is missing. A folder with pictures is refused, which would mix with the new ones.
     """
 
     def __init__(self, folder: Path, video: VideoFormat) -> None:
@@ -218,15 +187,7 @@ class ImageFolderWriter(VideoWriter):
 
 
 class ImageFileWriter(VideoWriter):
-    """A writer of a video of one frame as one PNG file.
-
-    Raises
-    ------
-    FileNotFoundError
-        The folder of the target does not exist.
-    UsageError
-        When a second frame is written, or none.
-    """
+    """A writer of a video of one frame as one PNG file; no frame, or a second one, raises a UsageError."""
 
     def __init__(self, target: Path, video: VideoFormat) -> None:
         super().__init__(video)

@@ -23,21 +23,11 @@ class VideoSource(Protocol):
 def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
     """Open a source of frames; what it holds decides how it is read, and its name only where a plugin knows it.
 
-    Parameters
-    ----------
-    source
-        ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME`` for a
-        built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that cannot
-        seek must hold y4m), which stays open. Files that are neither y4m nor pictures are read by gsvc_tools.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is no such file.
-    UsageError
-        It is a GSVC stream or a scene that cannot be, or needs gsvc_tools or PyAV and that is not installed.
-    GsvcError
-        It cannot be read as video.
+    A source is ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME``
+    for a built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that
+    cannot seek must hold y4m), which stays open. Files that are neither y4m nor pictures are read by gsvc_tools. A
+    UsageError refuses a GSVC stream, a scene that cannot be, and what needs gsvc_tools or PyAV where that is missing; a
+    GsvcError says that the source cannot be read as video.
     """
     if source == "-":
         return y4m.Y4mReader(sys.stdin.buffer, "standard input")
@@ -122,26 +112,14 @@ def _target_by_suffix(suffix: str) -> Target | None:
 
 
 def open_writer(target: str | Path | BinaryIO, format: VideoFormat, *, extras: Extras = NO_EXTRAS) -> VideoWriter:
-    """Open a target for frames; it is complete, and stands under its name, only after `close`.
+    """Open a target for frames; it is complete, and gets its name, only when it is closed.
 
-    Parameters
-    ----------
-    target
-        ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a single
-        frame; with gsvc_tools ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV), and
-        ``.gif`` or ``.webp`` for an animation; an existing folder, or a name without a suffix, for numbered PNG files.
-        A pipe or device takes y4m.
-    format
-        The format that frames must fit. y4m is written in it, so replace ``chroma_format`` or ``color`` to choose.
-    extras
-        Time stamps, which only a target keeps whose `carries_times` is true, and a file whose sound is copied.
-
-    Raises
-    ------
-    FileNotFoundError
-        The folder that is to hold the target does not exist.
-    UsageError
-        The suffix is unknown, the folder holds pictures already, or the format or the sound cannot be written.
+    A target is ``-`` for y4m on standard output; a binary file, which takes y4m; or a path: ``.y4m``; ``.png`` for a
+    single frame; with gsvc_tools ``.mp4``, ``.mkv``, ``.mov`` or ``.webm`` for a lossy copy to look at (needs PyAV),
+    and ``.gif`` or ``.webp`` for an animation; an existing folder, or a name without a suffix, for numbered PNG files.
+    A pipe or device takes y4m. y4m is written in the format that frames must fit, so replace ``chroma_format`` or
+    ``color`` to choose. A UsageError refuses an unknown suffix, a folder with pictures, and a format or sound that
+    cannot be written.
     """
     if extras.audio_from is not None and not takes_sound(target):
         raise UsageError(f"{target} has no place for sound; write .mp4, .mkv, .mov or .webm")

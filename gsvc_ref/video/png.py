@@ -36,24 +36,12 @@ SRGB: Final = (1, 13)
 
 @dataclass(frozen=True, eq=False)
 class PngImage:
-    """A decoded PNG.
+    """A decoded PNG."""
 
-    Attributes
-    ----------
-    frame
-        (H, W, 3) u1 for 8 bits, else u2; grey and palette are expanded.
-    bit_depth
-        8 to 16; fewer than 8 bits are scaled to 8.
-    color
-        From the chunks cICP or sRGB, else unspecified primaries and transfer.
-    notes
-        Sentences about what was left out.
-    """
-
-    frame: Frame
-    bit_depth: int
-    color: ColorDescription
-    notes: list[str]
+    frame: Frame  # (H, W, 3) u1 for 8 bits, else u2; grey and palette are expanded
+    bit_depth: int  # 8 to 16; fewer than 8 bits are scaled to 8
+    color: ColorDescription  # from the chunks cICP or sRGB, else unspecified primaries and transfer
+    notes: list[str]  # sentences about what was left out
 
 
 def _malformed(name: str, problem: str) -> GsvcError:
@@ -78,14 +66,8 @@ def _predict(kind: int, left: int, above: int, corner: int) -> int:
 def _filter(rows: I2, step: int, filtered: U1) -> None:
     """Filter each row by the kind with the least sum of absolute residuals (PNG, section 12.7).
 
-    Parameters
-    ----------
-    rows
-        (1 + H, step + bytes); the row above and the pixels on the left are zero.
-    step
-        Bytes from a sample to the same one of the pixel on the left.
-    filtered
-        (H, 1 + bytes), filled in, each row led by its kind.
+    `rows` is (1 + H, step + bytes), with zeros above and on the left; `step` is the bytes from a sample to the same one
+    of the pixel on the left. Fills `filtered` (H, 1 + bytes), each row led by its kind.
     """
     width = filtered.shape[1] - 1
     for y in range(filtered.shape[0]):
@@ -95,7 +77,7 @@ def _filter(rows: I2, step: int, filtered: U1) -> None:
             for x in range(width):
                 left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
                 residual = (int(rows[y + 1, x + step]) - _predict(kind, left, above, corner)) & 255
-                residual_sum += min(residual, 256 - residual)
+                residual_sum += min(residual, 256 - residual)  # its magnitude as a signed byte
             if residual_sum < best_sum:
                 best_kind, best_sum = kind, residual_sum
         filtered[y, 0] = best_kind
@@ -224,18 +206,8 @@ def _color(chunks: dict[bytes, bytes], name: str) -> ColorDescription:
 def decode_png(data: bytes, name: str) -> PngImage:
     """Decode a PNG.
 
-    Parameters
-    ----------
-    data
-        The file.
-    name
-        Name of the file in messages.
-
-    Raises
-    ------
-    GsvcError
-        ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since what lies behind it
-        would be a guess.
+    A GsvcError is ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since the colour
+    under it would be a guess.
     """
     chunks = _chunks(data, name)
     samples, color_type, depth = _samples(chunks, name)
@@ -268,16 +240,9 @@ def decode_png(data: bytes, name: str) -> PngImage:
 
 
 def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None = None) -> bytes:
-    """Encode a frame without loss.
+    """Encode a frame (H, W, 3), u1 for 8 bits, else u2, without loss.
 
-    Parameters
-    ----------
-    frame
-        (H, W, 3) u1 for 8 bits, else u2.
-    bit_depth
-        8 to 16.
-    color
-        If its primaries and transfer are specified they are stored in a chunk cICP.
+    Primaries and transfer that are specified are stored in a chunk cICP.
     """
     height, width, _ = frame.shape
     depth, pixels = 8, frame

@@ -16,37 +16,19 @@ from gsvc_ref.video.format import VideoFormat, check_frame
 class VideoReader(ABC):
     """A reader of the frames of a source, one after the other: iterate once.
 
-    Attributes
-    ----------
-    format
-        The format of the source.
-    notes
-        Sentences about what was assumed or left out; more may come while frames are read.
-    frame_time
-        When the frame given last is shown, in seconds from the first frame of the source; None of a source whose frames
-        are evenly spaced, `format.frame_rate` a second.
-    end_time
-        When the frame given last ends; None if that is not known.
-    time_base
-        A unit of which `frame_time` is a multiple, in seconds; None if there is none that is known.
-    is_turned
-        Whether frames are rotated or mirrored from how they are coded, since the source asks for it.
-
-    Raises
-    ------
-    GsvcError
-        While iterating: data that cannot be read, naming the frame, after all frames before it were delivered.
+    Data that cannot be read raises a GsvcError, which names the frame, after all frames before it were delivered.
     """
 
     format: VideoFormat
     notes: list[str]
 
     def __init__(self) -> None:
-        self.notes = []
+        self.notes = []  # sentences about what was assumed or left out; more may come while frames are read
+        # When the frame given last is shown, in seconds from the first frame; None where frames are evenly spaced.
         self.frame_time: Fraction | None = None
-        self.end_time: Fraction | None = None
-        self.time_base: Fraction | None = None
-        self.is_turned = False
+        self.end_time: Fraction | None = None  # when it ends, if that is known
+        self.time_base: Fraction | None = None  # a unit of which `frame_time` is a multiple, in seconds, if it is known
+        self.is_turned = False  # frames are rotated or mirrored from how they are coded, as the source asks
         self._frames: Iterator[Frame] | None = None
         self._peeked: Frame | Exception | None = None
         self._delivered = 0
@@ -127,21 +109,11 @@ class Times(Protocol):
 
 @dataclass(frozen=True)
 class Extras:
-    """What goes with the frames of a video that is written.
+    """What goes with the frames of a video that is written."""
 
-    Attributes
-    ----------
-    times
-        When frames are shown; None if they are evenly spaced.
-    first_frame
-        The number, in `times`, of the first frame that is written.
-    audio_from
-        A file whose sound is copied, from the time of that frame on; None: no sound.
-    """
-
-    times: Times | None = None
-    first_frame: int = 0
-    audio_from: Path | None = None
+    times: Times | None = None  # when frames are shown; None if they are evenly spaced
+    first_frame: int = 0  # the number, in `times`, of the first frame that is written
+    audio_from: Path | None = None  # a file whose sound is copied, from the time of that frame on
 
 
 NO_EXTRAS: Final = Extras()
@@ -149,20 +121,9 @@ NO_EXTRAS: Final = Extras()
 
 
 class VideoWriter(ABC):
-    """A writer of frames; the result stands under its final name only after `close`.
+    """A writer of frames; the result gets its final name only when it is closed.
 
     As a context manager it closes when the block ends well and aborts when it ends by an exception.
-
-    Attributes
-    ----------
-    format
-        The format that frames must fit, and that is written.
-    notes
-        Sentences about what the target cannot carry.
-    written_depth
-        Bits per sample of what is written; other than those of `format` where the target cannot hold them.
-    frames_written, frames_skipped
-        Number of frames that were written, and that were left out by `skip`.
     """
 
     carries_times = False
@@ -171,11 +132,11 @@ class VideoWriter(ABC):
     def __init__(self, video: VideoFormat, extras: Extras = NO_EXTRAS) -> None:
         self.format = video
         self.times = extras.times
-        self.written_depth = video.bit_depth
+        self.written_depth = video.bit_depth  # bits per sample; fewer where the target cannot hold them
         self._first_frame = extras.first_frame
-        self.notes: list[str] = []
+        self.notes: list[str] = []  # sentences about what the target cannot carry
         self.frames_written = 0
-        self.frames_skipped = 0
+        self.frames_skipped = 0  # left out by `skip`
         self._open = True
 
     @property
@@ -197,12 +158,7 @@ class VideoWriter(ABC):
     def write(self, frame: Frame) -> None:
         """Append a frame, (H, W, 3) full-range R'G'B', u1 for 8 bits, else u2.
 
-        Raises
-        ------
-        UsageError
-            The frame does not fit the format, or the writer is closed.
-        OSError
-            The disk is full, the pipe is closed and the like; what was written so far is removed.
+        On an OSError, such as a full disk or a closed pipe, what was written so far is removed.
         """
         if not self._open:
             raise UsageError("this writer is closed; open another one to write more frames")

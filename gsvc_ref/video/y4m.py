@@ -23,19 +23,9 @@ READ_SIZE: Final = 1 << 22
 
 
 class Y4mReader(VideoReader):
-    """A reader of y4m from a file or pipe, which never seeks.
+    """A reader of y4m from a file or pipe, which never seeks; a binary file stays open.
 
-    Parameters
-    ----------
-    source
-        A path, or a binary file at the start of the data, which is never closed.
-    name
-        Name of the source in messages.
-
-    Raises
-    ------
-    GsvcError
-        See `parse_header`; when iterating, ``malformed`` for a frame that is cut off or does not begin with FRAME.
+    A frame that is cut off or does not begin with FRAME is a GsvcError ``malformed`` when iterating.
     """
 
     def __init__(self, source: Path | BinaryIO, name: str) -> None:
@@ -111,13 +101,7 @@ class Y4mReader(VideoReader):
 
 
 def _refuse_stream(line: bytes, name: str) -> None:
-    """Refuse a GSVC stream, which a pipe may hold as well as y4m.
-
-    Raises
-    ------
-    UsageError
-        It is one; the message says what to do.
-    """
+    """Refuse a GSVC stream, which a pipe may hold as well as y4m, and say what to do."""
     from gsvc_ref.bitstream.chunks import MAGIC  # here, because it imports the compiler
 
     if MAGIC.startswith(line):
@@ -146,19 +130,7 @@ def _name_of(file: BinaryIO) -> str:
 class Y4mWriter(VideoWriter):
     """A writer of y4m; read back by `Y4mReader` it has the same format (see `planar_format` for ``rgb``).
 
-    Parameters
-    ----------
-    target
-        A path, written under a temporary name until `close`, or a binary file, which stays open.
-    video
-        The format. An unspecified matrix becomes the assumed one.
-
-    Raises
-    ------
-    UsageError
-        The matrix is not supported.
-    FileNotFoundError
-        The folder of the path does not exist.
+    A path has a temporary name until `close`; a binary file stays open. An unspecified matrix becomes the assumed one.
     """
 
     def __init__(self, target: Path | BinaryIO, video: VideoFormat) -> None:

@@ -31,21 +31,11 @@ INTERLACING: Final = {"t": "top field first", "b": "bottom field first", "m": "m
 
 @dataclass(frozen=True)
 class Header:
-    """A parsed stream header.
+    """A parsed stream header."""
 
-    Attributes
-    ----------
-    format
-        The format, complete.
-    mono
-        There are no chroma planes.
-    notes
-        Sentences about what was assumed.
-    """
-
-    format: VideoFormat
-    mono: bool
-    notes: list[str]
+    format: VideoFormat  # complete
+    mono: bool  # no chroma planes
+    notes: list[str]  # sentences about what was assumed
 
 
 def malformed(name: str, problem: str) -> GsvcError:
@@ -91,19 +81,9 @@ def _vendor_color(name: str, text: str) -> ColorDescription:
 
 
 def parse_header(line: bytes, name: str) -> Header:
-    """Parse a stream header.
+    """Parse the first line of a stream, without its newline.
 
-    Parameters
-    ----------
-    line
-        The first line, without its newline.
-    name
-        Name of the source in messages.
-
-    Raises
-    ------
-    GsvcError
-        ``malformed``, ``unsupported`` (a colour space) or ``limit`` (the size).
+    A GsvcError is ``malformed``, ``unsupported`` (a colour space) or ``limit`` (the size).
     """
     first, *words = line.split(b" ")
     if first != Y4M_SIGNATURE:

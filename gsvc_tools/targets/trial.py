@@ -7,7 +7,7 @@ the whole follow from these, and a range, which is wider where the places differ
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
 from io import BytesIO
@@ -174,8 +174,7 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
 
 def _warm_up(settings: Settings) -> None:
     """Load or compile the kernels, so that their time does not count."""
-    alone = replace(settings, splats=4, psnr=None, quality=None, layers=(), layer_splats=())
-    coder = coder_of(alone, VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
+    coder = coder_of(settings.with_splats(4), VideoFormat(16, 16, Fraction(25), 8, "rgb", _COLOR))
     picture = np.arange(16 * 16 * 3, dtype=np.uint8).reshape(16, 16, 3)
     for number in range(2):
         coder.encode(picture + np.uint8(number), "I" if number == 0 else "P", number, silent)

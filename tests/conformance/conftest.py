@@ -10,7 +10,7 @@ import toy_reports
 from gsvc_conformance.results import Report
 
 USERS = (
-    "vector", "results", "vector_folder", "report.comparison", "commands", "commands.judging", "commands.list",
+    "vector", "results", "vector_folder", "report.comparison", "operation", "commands.judging", "commands.list",
     "commands.verify",
     "reference", "implementations", "features", "pytest_vectors",
 )  # fmt: skip

@@ -5,11 +5,11 @@ import pytest
 from codec_cases import faint_splats
 
 from gsvc_base.splats import Splats
+from gsvc_ref.encoder.main.coordinates import moved, to_coordinates, to_parameters
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.encoder.quick import GRADIENT_SHARE, exchanged, grown, refitted
+from gsvc_ref.encoder.quick import PRUNED_GRADIENT_SHARE, exchanged, grown, refitted
 from gsvc_ref.rendering import Objective, render, render_sum
 from gsvc_ref.training import MIN_FACTOR, NEW, loss_of_psnr, psnr_of_loss
-from gsvc_ref.training.coordinates import moved, to_coordinates, to_parameters
 
 SIDE = 48
 
@@ -88,7 +88,7 @@ def test_new_splats_come_where_the_picture_is_wrong():
 
 
 def test_the_worth_of_a_splat_is_the_error_without_it():
-    """Splats far from each other: the order is that of the errors of exact pictures, with GRADIENT_SHARE of a term."""
+    """Splats far from each other: the order is that of the errors of exact pictures, with that share of a term."""
     x, y = np.meshgrid(np.arange(25, 200, 50), np.arange(25, 100, 50))
     draws, picture = np.random.default_rng(0), np.random.default_rng(1).random((100, 200, 3), np.float32)
     p = np.column_stack(
@@ -98,7 +98,7 @@ def test_the_worth_of_a_splat_is_the_error_without_it():
     rises = []
     for n in range(8):
         alone = render_sum(Splats.from_array(p[n : n + 1]), 200, 100, precision="exact")
-        rises.append(np.square(alone).sum() - GRADIENT_SHARE * 2 * (alone * (alone - picture)).sum())
+        rises.append(np.square(alone).sum() - PRUNED_GRADIENT_SHARE * 2 * (alone * (alone - picture)).sum())
     for kept in range(1, 8):
         _, origins = exchanged(Target(picture, threads=1), p, kept, 0, rng())
         assert list(origins) == sorted(np.argsort(rises)[8 - kept :])

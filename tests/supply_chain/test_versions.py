@@ -4,6 +4,10 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
+from tests.conftest import depends_on_versions
+
 ROOT = Path(__file__).parents[2]
 PROJECT, KIT = (
     tomllib.loads((ROOT / home / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -44,3 +48,16 @@ def test_everything_that_is_not_pinned_has_a_tested_minimum() -> None:
 
 def test_what_is_pinned_is_pinned_to_one_version() -> None:
     assert {relation for relation, _ in required(PROJECT, extras=PINNED).values()} == {"=="}
+
+
+@pytest.mark.parametrize(
+    ("name", "depends"),
+    [
+        ("rendering/test_deterministic.py", True),  # a room of kernels
+        ("tools/jobs/test_cluster.py", True),  # imports distributed
+        ("tools/jobs/test_resume.py", False),
+        ("test_arrows.py", False),
+    ],
+)
+def test_the_lowest_versions_run_what_depends_on_them(name: str, depends: bool) -> None:
+    assert depends_on_versions(ROOT / "tests" / name) == depends

@@ -7,6 +7,7 @@ import numpy as np
 
 from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
+from gsvc_ref.encoder.main.coordinates import PER_ROOT2, ROOT2, exp_kernel
 from gsvc_ref.encoder.main.fitter import MOST_SHEAR
 from gsvc_ref.main.cells import CELL, cell_counts
 from gsvc_ref.main.codes import CodeArrays, IntraCodes
@@ -14,7 +15,6 @@ from gsvc_ref.main.densities import LARGEST_MAGNITUDE, PLANES, Densities, window
 from gsvc_ref.main.reconstruct import log_size, middle_of_place, place_unit
 from gsvc_ref.main.state import A_MOST, CLASSES, N_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, class_of
 from gsvc_ref.main.tables import power_of_two
-from gsvc_ref.training.coordinates import PER_ROOT2, ROOT2, exp_kernel
 
 LUMA_OFFSET: Final = 0.45
 CHROMA_OFFSET: Final = 0.4

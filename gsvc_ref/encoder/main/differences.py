@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.codes import PER_NEPER, put_coordinates
+from gsvc_ref.encoder.main.coordinates import ROOT2, exp_kernel, limited, put_gradient, put_parameters
 from gsvc_ref.main.codes import GROUP_ENDS
 from gsvc_ref.main.reconstruct import position_step, sheared_step
 from gsvc_ref.main.state import A_LEAST, A_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, class_of
-from gsvc_ref.training.coordinates import ROOT2, exp_kernel, limited, put_gradient, put_parameters
 
 LEAST_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
 MOST_LOG: Final = A_MOST / PER_NEPER
@@ -32,7 +32,7 @@ MOST_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnit
 NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than so many of both deviations
 NEAR_SQUARE: Final = 18.0  # and where the squared distance, in units of both covariances, is below this: e^-9
 
-GX, GS, GY, SIZE, SHEAR = range(5)
+GX, GS, GY, LOG_SIZE, SHEAR = range(5)
 """The steps of a splat: x by i, y by i and y by i' in pixels, m and r in nepers, and s."""
 
 
@@ -79,7 +79,7 @@ def _find_anchors(state: I8, motion: I8, step: int, z: F8, steps: F8) -> None:
         g_y = position_step(state[i, 3], j)
         steps[i, GX], steps[i, GY] = position_step(state[i, 2], j) / 256, g_y / 256
         steps[i, GS] = sheared_step(state[i, 4], g_y) / 256
-        steps[i, SIZE] = SIZE_STEPS[j] * (ROOT2 / PER_NEPER)  # of m and r: of ln l11 and ln l22 times sqrt 2
+        steps[i, LOG_SIZE] = SIZE_STEPS[j] * (ROOT2 / PER_NEPER)  # of m and r: of ln l11 and ln l22 times sqrt 2
         steps[i, SHEAR] = SHEAR_STEPS[j] / 1024
 
 
@@ -89,7 +89,7 @@ def put_value(anchors: Anchors, i: int, q: F8, z: F8, row: F4) -> None:
     start, step = anchors.z[i], anchors.steps[i]
     z[0] = start[0] + step[GX] * q[0]
     z[1] = start[1] + (step[GS] * q[0] + step[GY] * q[1])
-    z[2], z[3] = limited(start[2] + q[2] * step[SIZE], start[3] + q[3] * step[SIZE], LEAST_LOG, MOST_LOG)
+    z[2], z[3] = limited(start[2] + q[2] * step[LOG_SIZE], start[3] + q[3] * step[LOG_SIZE], LEAST_LOG, MOST_LOG)
     shear = start[4]
     if q[3] != 0:  # l21 / l11 holds
         shear = shear * exp_kernel(ROOT2 * (z[3] - start[3]))
@@ -111,8 +111,8 @@ def put_slope(anchors: Anchors, i: int, q: F8, row: F4, g: F4, out: F8) -> None:
     by_x, by_y, by_s = np.float64(g[0]), np.float64(g[1]), out[4]
     out[0] = scale * (by_x * step[GX] + by_y * step[GS])
     out[1] = scale * (by_y * step[GY])
-    out[2] = scale * (step[SIZE] * out[2])
-    out[3] = scale * (step[SIZE] * (out[3] - ROOT2 * (q[4] * step[SHEAR]) * by_s))
+    out[2] = scale * (step[LOG_SIZE] * out[2])
+    out[3] = scale * (step[LOG_SIZE] * (out[3] - ROOT2 * (q[4] * step[SHEAR]) * by_s))
     out[4] = scale * (step[SHEAR] * by_s)
     for k in range(5, 8):
         out[k] = scale * (anchors.D * out[k])

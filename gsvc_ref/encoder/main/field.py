@@ -27,9 +27,9 @@ from gsvc_base.portable import log2
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.settings import InterSettings
 from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS
+from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.main.motion import field_shape
 from gsvc_ref.rendering import SampledObjective
-from gsvc_ref.training.motion import estimated_motion
 
 UNITS: Final = 4  # vectors are in units of 1/4 px
 LONGEST_VECTOR: Final = 4096  # longest component of a vector that is looked at, in units

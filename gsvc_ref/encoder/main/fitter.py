@@ -12,9 +12,9 @@ from numpy.random import Generator
 
 from gsvc_base.arrays import F8
 from gsvc_ref._jit import kernel
+from gsvc_ref.encoder.main.coordinates import limited, log_kernel, to_parameters
+from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.training.coordinates import limited, log_kernel, to_parameters
-from gsvc_ref.training.descent import Walk
 from gsvc_ref.training.settings import Growth
 
 FIT_D: Final = 16.0  # D of the metric while only the error counts: it bounds the steps of the faintest splats

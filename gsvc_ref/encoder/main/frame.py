@@ -3,7 +3,7 @@
 What is asked for decides N and D, the splats and the step of a frame:
 
 - Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
-- With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
+- With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
@@ -12,9 +12,7 @@ In the first two P-frames have the D of their I-frame; without a quality it beco
 """
 
 import math
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import partial
@@ -42,7 +40,9 @@ from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
 from gsvc_ref.encoder.main.intra import encode_intra, splats_for
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.encoder.motion import estimated_motion
+from gsvc_ref.encoder.settings import MAX_SPLATS, MainSettings
+from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
@@ -51,7 +51,6 @@ from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
-from gsvc_ref.training.motion import estimated_motion
 
 P_TRIES: Final = 8  # constant quality: the most values of D that are tried for a P-frame
 
@@ -81,7 +80,7 @@ class MainFrameEncoder:
     """Encodes frames in order; `holds_level` says whether D may become finer where P-frames sink, at constant rate."""
 
     def __init__(
-        self, settings: Settings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
+        self, settings: MainSettings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
     ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
@@ -102,7 +101,7 @@ class MainFrameEncoder:
         # so that what they stand on goes where they will go.
         self.below, self.above = Splats.empty(), Splats.empty()
         self.holds_level = holds_level and settings.psnr is None and settings.quality is None
-        self._held_level = HeldLevel(settings.main_inter.fall, 0)
+        self._held_level = HeldLevel(settings.inter.fall, 0)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -149,7 +148,7 @@ class MainFrameEncoder:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
             self.intra_psnr = result.psnr
-            self._held_level = HeldLevel(self.settings.main_inter.fall, self.quantizer)
+            self._held_level = HeldLevel(self.settings.inter.fall, self.quantizer)
         elif result.codes.type == "P" and self.holds_level:
             self._held_level = self._held_level.after(result.psnr)
             self.quantizer = self._held_level.following(self.quantizer)
@@ -167,7 +166,7 @@ class _FrameWork:
         self.progress = progress
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
-        self.seconds: dict[str, float] = {}
+        self.seconds = StageSeconds()
         self.iterations = 0
         self.log = FrameLog()
 
@@ -176,7 +175,7 @@ class _FrameWork:
         before = self.encoder.state
         if why is not None:
             self.log.add("frames", why, done=False)
-        with self._timed("check"):
+        with self.seconds.timed("check"):
             achieved = self._psnr_of(before)
         codes = MainCodes.repeated_frame()
         return EncodedFrame(codes, before, achieved, self.iterations, self.seconds, self.log.decisions)
@@ -184,7 +183,7 @@ class _FrameWork:
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame; `reason` is why a P-frame became one, None where it was to be one."""
         encoder, settings = self.encoder, self.settings
-        with self._timed("intra"):
+        with self.seconds.timed("intra"):
             if settings.psnr is not None:
                 coded = self._held_intra(settings.psnr)
             else:
@@ -205,7 +204,7 @@ class _FrameWork:
         encoder, settings, reference = self.encoder, self.settings, self.encoder.state
         if len(reference.values) == 0:
             return self.intra("the frame before has no splats")
-        with self._timed("inter"):
+        with self.seconds.timed("inter"):
             coded = (
                 self._inter(encoder.quantizer)
                 if settings.psnr is None
@@ -225,9 +224,9 @@ class _FrameWork:
         settings = self.settings
         rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
         found = encode_intra(
-            self.picture, splats, rng, quantizer, settings.main_intra, base=self.encoder.below.to_array(),
+            self.picture, splats, rng, quantizer, settings.intra, base=self.encoder.below.to_array(),
             threads=settings.threads, precision=settings.precision,
-            on_evaluation=self._watch(settings.main_intra.evaluations),
+            on_evaluation=self._watch(settings.intra.evaluations),
         )  # fmt: skip
         return self._decoded(found.codes, _inter_encoder(settings))
 
@@ -265,10 +264,10 @@ class _FrameWork:
     def _splats_for(self, quantizer: int) -> int:
         """The number of splats that goes with a quantiser."""
         encoder, settings = self.encoder, self.settings
-        watch = self._watch(settings.main_intra.evaluations)
+        watch = self._watch(settings.intra.evaluations)
         rng = np.random.default_rng([settings.seed, self.number])
         target = Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
-        return splats_for(target, quantizer, rng, settings.main_intra, splats=encoder.total, most_splats=encoder.most)
+        return splats_for(target, quantizer, rng, settings.intra, splats=encoder.total, most_splats=encoder.most)
 
     def _inter(self, quantizer: int) -> _Coded:
         """A P-frame with a quantiser."""
@@ -279,7 +278,7 @@ class _FrameWork:
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
         splats = len(encoder.state.values) + len(beside)
-        watch = self._watch(settings.main_inter.evaluations)
+        watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         inter = copy(encoder.inter)
         frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
@@ -342,16 +341,10 @@ class _FrameWork:
 
         return evaluated
 
-    @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
-        begin = time.perf_counter()
-        yield
-        self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - begin
 
-
-def _inter_encoder(settings: Settings) -> InterEncoder:
+def _inter_encoder(settings: MainSettings) -> InterEncoder:
     """An encoder of the P-frames behind an I-frame, with the effects that are switched on."""
-    inter, effects = settings.main_inter, settings.effects
+    inter, effects = settings.inter, settings.effects
     if effects.motion == "off":
         inter = replace(inter, cells=())
     if effects.gsa == "off":

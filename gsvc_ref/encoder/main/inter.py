@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.main import differences
 from gsvc_ref.encoder.main.codes import limits_of, nearest_codes
+from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_parameters
 from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.field import Field, best_field, flow_at_points
 from gsvc_ref.encoder.main.new_splats import CUTOFF, NewSplats, best_candidates
@@ -35,7 +36,6 @@ from gsvc_ref.main.reconstruct import add_differences, intra_state
 from gsvc_ref.main.state import parameters_of
 from gsvc_ref.main.tables import step_of
 from gsvc_ref.rendering import Objective, SampledObjective
-from gsvc_ref.training.coordinates import gradient_by_coordinates, to_parameters
 
 LEAST_LENGTH: Final = 0.02  # of a splat's step in proximal descent
 MOST_LENGTH: Final = 0.3

@@ -19,7 +19,9 @@ from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.portable import power
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.codes import nearest_codes
+from gsvc_ref.encoder.main.coordinates import energies, energy, log_kernel, to_parameters
 from gsvc_ref.encoder.main.densities import choose_densities
+from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.fitter import descend, fit
 from gsvc_ref.encoder.main.settings import IntraSettings
 from gsvc_ref.encoder.main.target import OnEvaluation, Target
@@ -29,8 +31,6 @@ from gsvc_ref.main.reconstruct import intra_state
 from gsvc_ref.main.state import parameters_of
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.rendering import Precision
-from gsvc_ref.training.coordinates import energies, energy, log_kernel, to_parameters
-from gsvc_ref.training.descent import Walk
 
 MEDIAN_ENERGY: Final = 7.0  # median energy of fitted splats in D, `quantizer_for`; measured
 MIDDLE_QUANTIZER: Final = 40  # the quantizer of no splats

@@ -17,10 +17,10 @@ import numpy as np
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
+from gsvc_ref.encoder.main import coordinates
+from gsvc_ref.encoder.main.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, ROOT2, energies, exp_kernel
 from gsvc_ref.encoder.main.fitter import keep_inside
 from gsvc_ref.rendering.fast.threads import run_tasks
-from gsvc_ref.training import coordinates
-from gsvc_ref.training.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, ROOT2, energies, exp_kernel
 
 CUTOFF: Final = 3.0  # candidates are cut off at so many deviations
 

@@ -1,6 +1,15 @@
-"""What splats of an I-frame are fitted to: a picture, with the error of splats in their coordinates."""
+"""What splats are fitted to: a picture, with the error of splats in their coordinates, at the size that does for them.
+
+Coarse to fine: a splat that is several pixels wide looks the same on fewer pixels, and an evaluation on a quarter of
+the pixels takes about a quarter of the time. Parameters stay in pixels of the full size: with blocks of `step` by
+`step` pixels, a splat of the parameters p has p / step in its position and Cholesky factor on the picture of the
+blocks' means, and the derivatives by those five are 1 / step of the ones there. The loss is per pixel, and so about the
+same at every size. What another size evaluates is another function, so that an optimizer must take no pair over the
+change (as after `Walk.append`). The last evaluations belong to the full size.
+"""
 
 from collections.abc import Callable
+from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
@@ -8,22 +17,69 @@ from numpy.random import Generator
 
 from gsvc_base.arrays import F4, F8
 from gsvc_base.portable import log10
+from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_coordinates
+from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
 from gsvc_ref.rendering import Objective, Precision
 from gsvc_ref.training.augmentation import image_start
-from gsvc_ref.training.coarse import Sizes, step_for
-from gsvc_ref.training.coordinates import gradient_by_coordinates, to_coordinates
+from gsvc_ref.training.reduction import block_means
 
 OnEvaluation = Callable[[float], None]
 """Called with the loss, as in `Objective`."""
 
-SQUARE_OF_8_BITS: Final = 255.0 * 255.0  # A squared error of 1 in units of 8 bits
+SQUARE_OF_8_BITS: Final = 255.0 * 255.0
+"""A squared error of 1 in units of 8 bits."""
+
 LEAST_LOSS: Final = 1e-12  # the loss of a picture without error, so that its PSNR is finite
+
+PIXELS_OF_STEPS: Final = ((400, 4), (100, 2))
+"""More pixels for each splat than the first number of a pair, on average, and its step is fine enough."""
+
+LEAST_SIDE: Final = 32  # smallest width and height in pixels of a reduced picture
+
+
+def step_for(width: int, height: int, splats: int) -> int:
+    """1, 2 or 4: how many times smaller a picture may be on which so many splats are fitted."""
+    for pixels, step in PIXELS_OF_STEPS:
+        if width * height > pixels * max(splats, 1) and min(width, height) >= step * LEAST_SIDE:
+            return step
+    return 1
+
+
+class Reduced:
+    """The objective of a picture (h, w, 3) f4 that is reduced by a step, of splats in pixels of the full size."""
+
+    def __init__(self, objective: Objective, picture: F4, step: int) -> None:
+        self._objective, self._picture, self._step = objective, picture, step
+
+    def evaluate(self, parameters: F4) -> tuple[float, F4]:
+        """The loss, and its gradient (N, 8) f4 by the parameters."""
+        loss, gradient = self._objective.evaluate(resized(parameters, 1 / self._step))
+        return loss, resized(gradient, 1 / self._step)
+
+    @cached_property
+    def _tensor(self) -> F8:
+        return structure_tensor(self._picture)
+
+    def new_splats(self, count: int, total: int, rng: Generator) -> F4:
+        """Splats (count, 8) f4 along edges where the splats evaluated last leave the most, of `total` in all."""
+        missing = self._objective.residual()
+        np.negative(missing, out=missing)
+        return resized(edge_splats(self._tensor, missing, count, total, rng), self._step)
+
+
+def resized(parameters: F4, factor: float) -> F4:
+    """Parameters (N, 8) f4 on a picture that is `factor` times as large, which is a power of two: exact."""
+    if factor == 1:
+        return parameters
+    other = parameters.copy()
+    other[:, :5] *= np.float32(factor)
+    return other
 
 
 class Target:
     """A picture to be described, with the squared error of splats in units of 8 bits.
 
-    While splats are few, a smaller picture does (`training.coarse`): `resize` chooses what is evaluated. The squared
+    While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared
     error is always that of the whole picture, or about that.
 
     `base` (B, 8) f4 are splats that are in every picture, such as those of a lower layer; `on_evaluation` is called
@@ -41,8 +97,9 @@ class Target:
         self._on_evaluation = on_evaluation
         self.height, self.width = picture.shape[:2]
         self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
-        self._sizes = Sizes(picture, threads, precision=precision, full=self._objective)
-        self._size = self._sizes.of(1)
+        self._make = partial(Objective, threads=threads, precision=precision)
+        self._sizes = {1: Reduced(self._objective, picture, 1)}  # by step, each made when it is first asked for
+        self._size = self._sizes[1]
         self._scale = self.height * self.width * SQUARE_OF_8_BITS
         self._base = np.zeros((0, 8), np.float32) if base is None else base
         self.hold(self._base[:0])
@@ -64,7 +121,10 @@ class Target:
         A picture with a base stays as large as it is; one in which splats are held is to be of the full size.
         """
         step = 1 if splats is None or len(self._base) else step_for(self.width, self.height, splats)
-        before, self._size = self._size, self._sizes.of(step)
+        if step not in self._sizes:
+            small = block_means(self._picture, step)
+            self._sizes[step] = Reduced(self._make(small), small, step)
+        before, self._size = self._size, self._sizes[step]
         return self._size is not before
 
     def hold(self, parameters: F4) -> None:

@@ -1,8 +1,7 @@
 """Batches: the splats of one tile side by side in memory.
 
-They are gathered in a loop of their own, where cache misses overlap, and at most `BATCH` at a time: most tiles have
-fewer, and for those that have more, memory does not grow with the number of splats. So it is with the weights that are
-kept.
+A loop that only gathers them lets cache misses overlap. There are at most `BATCH` at a time, and at most `KEPT`
+weights: most tiles have fewer, and for the others, memory does not grow with the number of splats.
 """
 
 from typing import Final, NamedTuple
@@ -30,37 +29,20 @@ NOWHERE: Final = -1
 
 
 class Batch(NamedTuple):
-    """Intersections of one tile.
-
-    Attributes
-    ----------
-    rows
-        Per intersection (4,) i4: first row, the one after the last, the intersection's `INDEX` in the order by splat,
-        and where its weights begin in `Buffers.kept` (`KEPT_AT`), or `NOWHERE`.
-    splats
-        Per intersection (PROJECTED,) f4, copied from `Bins`.
-    """
+    """Intersections of one tile."""
 
     rows: I4
-    splats: F4
+    """(BATCH or fewer, 4): first row, the one after the last, the intersection's `INDEX` in the order by splat, and
+    where its weights begin in `Buffers.kept` (`KEPT_AT`), or `NOWHERE`."""
+    splats: F4  # (BATCH or fewer, PROJECTED), copied from `Bins`
 
 
 class Buffers(NamedTuple):
-    """What a thread works in; only as much of it takes memory as is ever used.
+    """What a thread works in; the system gives memory only to what is used of it."""
 
-    Attributes
-    ----------
-    tile
-        ((height + SPARE_ROWS) * ROW,) f4: the sum of a tile, and then its e = dL/dC.
-    weights
-        ((height + SPARE_ROWS) * TILE_WIDTH,) f4: the weights of one splat, in the layout (row, lane).
-    kept
-        (KEPT,) f4, or none of it: the weights of many splats, one after the other, for the backward pass.
-    """
-
-    tile: F4
-    weights: F4
-    kept: F4
+    tile: F4  # ((height + SPARE_ROWS) * ROW,): the sum of a tile, and then its e = dL/dC
+    weights: F4  # ((height + SPARE_ROWS) * TILE_WIDTH,): those of one splat, by row and lane
+    kept: F4  # (KEPT,) or (0,): weights of many splats in a row, for the backward pass
 
     @classmethod
     def of(cls, height: int) -> "Buffers":
@@ -95,6 +77,7 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
     count: int = min(intersections_of(t, bins) - skipped, batch.rows.shape[0])
     for i in range(count):
         n = bins.intersections[first + i, 0]
+        # The rows of this tile alone, fewer than those of the box around the splat.
         splat = bins.projected[n]
         rows = row_range(splat, t, height)
         batch.rows[i, 0] = rows[0]

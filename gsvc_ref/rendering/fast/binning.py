@@ -36,34 +36,18 @@ class Bins(NamedTuple):
     """The intersections of splats and tiles, and what the inner loops need of the splats.
 
     An *intersection* is a pair of a splat and a tile that it touches.
-
-    Attributes
-    ----------
-    projected, tile_ranges
-        Those of `ProjectedSplats`.
-    splat_offsets
-        (N + 1,) i8: the number of intersections of the splats before.
-    tile_offsets
-        (tiles + 1,) i8: the number of intersections of the tiles before.
-    window
-        (2,) i8: the first tile whose intersections are listed, and the one after the last.
-    intersections
-        (intersections of the window or more, 2) i4, tile after tile and in index order; each is the splat and the
-        intersection's index in the order by splat, where a splat's intersections are side by side.
-    cursors
-        (tiles,) i8 scratch: where the next intersection of a tile goes.
-    work
-        (tiles + 1,) f8: about the work of the tiles before, in rows that a splat is added to.
     """
 
-    projected: F4
-    tile_ranges: I4
-    splat_offsets: I8
-    tile_offsets: I8
-    window: I8
+    projected: F4  # as in `ProjectedSplats`
+    tile_ranges: I4  # as in `ProjectedSplats`
+    splat_offsets: I8  # (N + 1,): the number of intersections of the splats before
+    tile_offsets: I8  # (tiles + 1,): the number of intersections of the tiles before
+    window: I8  # (2,): the first tile whose intersections are listed, and the one after the last
     intersections: I4
-    cursors: I8
-    work: F8
+    """(intersections of the window or more, 2), tile after tile and in index order; each is the splat and the
+    intersection's index in the order by splat, where a splat's intersections are side by side."""
+    cursors: I8  # (tiles,) scratch: where the next intersection of a tile goes
+    work: F8  # (tiles + 1,): about the work of the tiles before, in rows that a splat is added to
 
 
 @kernel()
@@ -73,13 +57,14 @@ def count_intersections(height: int, bins: Bins) -> None:
     tile_offsets[:] = 0
     splat_offsets[0] = 0
     work[0] = 0
-    work[1:] = ROWS_FOR_ROW * height
+    work[1:] = ROWS_FOR_ROW * height  # what a tile costs without a splat
     for n in range(bins.tile_ranges.shape[0]):
         first, end = bins.tile_ranges[n]
         splat_offsets[n + 1] = splat_offsets[n] + end - first
         for t in range(first, end):
             tile_offsets[t + 1] += 1
             work[t + 1] += bins.projected[n, ROW_COUNT] + ROWS_FOR_INTERSECTION
+    # From counts to the sums before each tile.
     for t in range(tile_offsets.size - 1):
         tile_offsets[t + 1] += tile_offsets[t]
         work[t + 1] += work[t]
@@ -91,6 +76,7 @@ def list_intersections(bins: Bins) -> None:
     cursors = bins.cursors
     for t in range(cursors.size):
         cursors[t] = bins.tile_offsets[t] - bins.tile_offsets[bins.window[0]]
+    # Splats in index order, so that every tile lists, and sums, them in that order.
     for n in range(bins.tile_ranges.shape[0]):
         first = bins.tile_ranges[n, 0]
         for t in range(max(first, bins.window[0]), min(bins.tile_ranges[n, 1], bins.window[1])):
@@ -118,22 +104,7 @@ def windows_of(tile_offsets: I8, most: int) -> list[tuple[int, int]]:
 
 
 class Binning:
-    """The splats of a frame, binned to its tiles: made once for a size, then filled with set after set of splats.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    threads
-        Maximum number of threads.
-
-    Attributes
-    ----------
-    splats
-        The splats loaded last, and their projection.
-    bins
-        Their bins; the intersections are those of one window, see `windows`.
-    """
+    """The splats of a frame, binned to its tiles: made once for a size, then filled with set after set of splats."""
 
     def __init__(self, width: int, height: int, threads: int) -> None:
         self.width, self.height, self.threads = width, height, threads
@@ -168,7 +139,7 @@ class Binning:
         self._bin()
 
     def load_splats(self, splats: Splats) -> None:
-        """`load` without a copy of all parameters on the way."""
+        """`load` without a copy of all parameters in between."""
         if len(splats) != len(self):
             self._resize(len(splats))
         first = 0

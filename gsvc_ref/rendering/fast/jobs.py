@@ -29,45 +29,20 @@ class Job(NamedTuple):
     writes the sum into `picture`, the second rounds it into `frame`, and the others compare it with `target`, tile
     after tile while it is in the second-level cache, and write it into `picture` if there is one. `GRADIENTS` reads
     dL/dC from `picture`.
-
-    Attributes
-    ----------
-    width, height
-        Size of the frame in pixels.
-    strict
-        Whether the kernels without contraction sum.
-    kind
-        The kind of job.
-    base
-        (tiles, H * ROW) f4; without tiles the sum begins with zero.
-    picture
-        (H, 3 W) f4.
-    clamp
-        Whether the picture is limited to [0, 1].
-    frame
-        (H, 3 W) u1 or u2.
-    peak
-        2^bit_depth - 1.
-    target
-        (tiles, H * ROW) f4, zero outside the frame.
-    losses
-        (tiles,) f8: the sums of the squares of the tiles.
-    moments
-        (intersections, MOMENTS) f4, see `sums`.
     """
 
     width: int
     height: int
-    strict: bool
+    strict: bool  # the kernels without contraction sum
     kind: int = PICTURE
-    base: F4 = EMPTY
-    picture: F4 = EMPTY
-    clamp: bool = False
-    frame: Any = np.zeros((0, 0), np.uint8)
-    peak: np.float32 = np.float32(255)
-    target: F4 = EMPTY
-    losses: F8 = np.zeros(0)
-    moments: F4 = EMPTY
+    base: F4 = EMPTY  # (tiles, H * ROW); without tiles the sum begins with zero
+    picture: F4 = EMPTY  # (H, 3 W)
+    clamp: bool = False  # of the picture to [0, 1]
+    frame: Any = np.zeros((0, 0), np.uint8)  # (H, 3 W) u1 or u2
+    peak: np.float32 = np.float32(255)  # 2^bit_depth - 1
+    target: F4 = EMPTY  # (tiles, H * ROW), zero outside the frame
+    losses: F8 = np.zeros(0)  # (tiles,): the sums of the squares of the tiles
+    moments: F4 = EMPTY  # (intersections, MOMENTS), see `sums`
 
 
 @kernel(inline=True)
@@ -79,6 +54,7 @@ def tiles_of_task(task: int, tasks: int, bins: Bins) -> tuple[int, int]:
     """
     first = end = 0
     for t in range(bins.cursors.size):
+        # A tile belongs to the task in whose share of the work its middle lies.
         middle = (bins.work[t] + bins.work[t + 1]) / 2 * tasks
         if middle < bins.work[-1] * task:
             first = t + 1
@@ -110,7 +86,7 @@ def render_tile(buffers: Buffers, t: int, bins: Bins, batch: Batch, count: int, 
                     part[i] = base[i]
             else:
                 tile[top * ROW : end * ROW] = np.float32(0)
-            tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)
+            tile[end * ROW : (end + SPARE_ROWS) * ROW] = np.float32(0)  # full groups of rows add to these
             added = gathered = count
             add_batch(buffers, t, top, end, batch, gathered, keep, job.strict)
             while added < intersections_of(t, bins):
@@ -148,6 +124,7 @@ def run_task(task: int, tasks: int, buffers: Buffers, bins: Bins, regions: Regio
                 read_tile(job.picture, t, buffers.tile)
             else:
                 render_tile(buffers, t, bins, batch, count, regions, job)
+            # The tile holds C now, and e = dL/dC times H W / 2 after this: 2 / (H W) comes with the gradients.
             if job.kind == LOSS or job.kind == LOSS_AND_GRADIENTS:
                 lanes = min(TILE_WIDTH, job.width - t * TILE_WIDTH)
                 job.losses[t] = subtract_target(buffers.tile, job.target[t], job.height, lanes, squares)

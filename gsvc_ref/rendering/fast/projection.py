@@ -31,24 +31,13 @@ X, Y, R1, L, F, R2, RED, GREEN, BLUE, L11, L21, L22, FIRST_ROW, ROW_COUNT = rang
 
 
 class ProjectedSplats(NamedTuple):
-    """A set of splats and its projection.
+    """A set of splats and its projection."""
 
-    Attributes
-    ----------
-    parameters
-        (N, 8) f4 in the columns of `Splats.to_array`.
-    projected
-        (N, PROJECTED) f4 with the columns `X` to `ROW_COUNT`. The inner loops compute (l21 u1) / l22 as (l u1) f (9-3),
-        which is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above, so that nothing overflows where a pixel is
-        covered.
-    tile_ranges
-        (N, 2) i4: the first tile that a splat touches and the one after the last; equal if no pixel centre can be
-        covered.
-    """
-
-    parameters: F4
+    parameters: F4  # (N, 8), in the columns of `Splats.to_array`
     projected: F4
-    tile_ranges: I4
+    """(N, PROJECTED) with the columns `X` to `ROW_COUNT`. The inner loops compute (l21 u1) / l22 as (l u1) f (9-3),
+    which is (l21 u1) (1/l22) for l22 <= 1 and (u1 (l21/l22)) 1 above: nothing overflows where a pixel is covered."""
+    tile_ranges: I4  # (N, 2): the first tile touched and the one after the last; equal if no centre can be covered
 
 
 @kernel()
@@ -112,7 +101,7 @@ def row_range(splat: Any, t: int, height: int) -> tuple[int, int]:
     right = min((t * TILE_WIDTH + TILE_WIDTH - 0.5 - x) / l11, ELLIPSE)
     low = min(max(tip, left), right)
     high = min(max(-tip, left), right)
-    margin = ROW_MARGIN * (abs(l21) + l22)
+    margin = ROW_MARGIN * (abs(l21) + l22)  # for a decision in binary32
     bottom = y + l21 * low + l22 * math.sqrt(max(ELLIPSE * ELLIPSE - low * low, 0.0)) + margin
     top = y + l21 * high - l22 * math.sqrt(max(ELLIPSE * ELLIPSE - high * high, 0.0)) - margin
     first = max(np.ceil(top - 0.5), 0.0)

@@ -25,24 +25,7 @@ slower of two threads took a third longer than the other. A task costs about 10 
 
 
 class Rasterizer:
-    """The binning of one frame size and the buffers of every thread, kept between calls.
-
-    Parameters
-    ----------
-    width, height
-        Size of the frame in pixels.
-    threads
-        None for one per CPU.
-
-    Attributes
-    ----------
-    threads
-        The number of threads.
-    binning
-        The splats that jobs are done for.
-    buffers
-        Those of each thread.
-    """
+    """The binning of one frame size and the buffers of every thread, kept between calls."""
 
     def __init__(self, width: int, height: int, threads: int | None = None) -> None:
         most = max(1, BUFFERS_BYTES // bytes_of_thread(height))

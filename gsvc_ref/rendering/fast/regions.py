@@ -1,4 +1,4 @@
-"""Regions: runs of rows of a tile that can be rendered on their own; those that must be are dirty.
+"""Regions: runs of rows of a tile that can be rendered alone; those that must be are dirty.
 
 A pixel's sum has the same terms in the same order whatever region it is rendered in, so that the size of the regions
 and the choice of what is rendered again change no bit.
@@ -15,18 +15,10 @@ from gsvc_ref.rendering.fast.projection import FIRST_ROW, ROW_COUNT, ProjectedSp
 
 
 class Regions(NamedTuple):
-    """The regions of a frame, and which of them must be rendered.
+    """The regions of a frame, and which of them must be rendered."""
 
-    Attributes
-    ----------
-    rows
-        Rows of a region; the last of a tile may have fewer.
-    dirty
-        (tiles, regions of a tile) bool.
-    """
-
-    rows: int
-    dirty: NDArray[np.bool_]
+    rows: int  # of a region; the last of a tile may have fewer
+    dirty: NDArray[np.bool_]  # (tiles, regions of a tile)
 
     @classmethod
     def all_of(cls, tiles: int, height: int, rows: int) -> "Regions":
@@ -81,18 +73,12 @@ def mark_changed(before: ProjectedSplats, after: ProjectedSplats, origins: I8, r
     """Mark the regions in which two pictures may differ; False, with nothing to rely on, if all are better rendered.
 
     A region is the same in both if the splats that may cover it are the same in the same order. Where more than half of
-    the splats changed, hardly any region is.
-
-    Parameters
-    ----------
-    origins
-        (N,) i8: for every splat after, the splat before that it continues, or -1; ascending where not -1.
-    regions
-        None of them dirty; changed.
+    the splats changed, hardly any region is. `origins` (N,) i8 has for every splat after the splat before that it
+    continues, or -1; ascending where not -1. No region is dirty before.
     """
     old, new = before.parameters, after.parameters
     stays = np.zeros(old.shape[0], np.bool_)
-    unseen = kept = 0
+    unseen = kept = 0  # the first splat before that may still follow in this order, and how many stay
     for n in range(origins.size):
         o = origins[n]
         if o >= 0:
@@ -103,6 +89,7 @@ def mark_changed(before: ProjectedSplats, after: ProjectedSplats, origins: I8, r
             kept += stays[o]
     if 2 * kept < max(old.shape[0], new.shape[0]):
         return False
+    # A changed splat is taken out where it was, and added where it is.
     for o in range(old.shape[0]):
         if not stays[o]:
             mark(before, o, regions)

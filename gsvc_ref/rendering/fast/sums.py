@@ -48,19 +48,11 @@ def at(row: int, lane: int) -> Any:
 
 @kernel(contract=True, inline=True)
 def weigh_splat(weights: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
-    """Find the weights g of one splat in the rows `first` to `end` - 1 of a tile, zero where m > 2 ln 255.
+    """Find the weights g of one splat (PROJECTED,) in the rows `first` to `end` - 1 of a tile, zero where m > 2 ln 255.
 
-    What does not depend on the row is read in front of the loop: LLVM, which cannot know that the weights are no splat,
-    would otherwise find u1 and the shear anew for every GROUP_ROWS rows.
-
-    Parameters
-    ----------
-    weights
-        (rows * TILE_WIDTH or more,) f4, overwritten; up to SPARE_ROWS rows more are.
-    column
-        The centre of the tile's first column.
-    splat
-        (PROJECTED,) f4, see `projection.X`.
+    `column` is the centre of the tile's first column. Weights up to SPARE_ROWS rows further are overwritten, too. What
+    does not depend on the row is read before the loop: LLVM, which cannot know that the weights are no splat, would
+    otherwise find u1 and the shear anew for every GROUP_ROWS rows.
     """
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     for i in range(0, end - first, GROUP_ROWS):
@@ -79,7 +71,7 @@ weigh_splat_strict = without_contraction(weigh_splat, exp_minus_half=exp_minus_h
 
 @kernel(inline=True)
 def weigh(weights: F4, column: np.float32, first: int, end: int, splat: Any, strict: bool) -> None:
-    """`weigh_splat` or its twin."""
+    """`weigh_splat` with or without contraction."""
     if strict:
         weigh_splat_strict(weights, column, first, end, splat)
     else:
@@ -90,16 +82,12 @@ def weigh(weights: F4, column: np.float32, first: int, end: int, splat: Any, str
 def add_weighed(tile: F4, weights: F4, first: int, end: int, splat: Any) -> None:
     """Add one splat, whose weights are known, to the rows `first` to `end` - 1 of a tile: C <- C + g c' (9-6).
 
-    Parameters
-    ----------
-    tile
-        (rows * ROW,) f4; up to SPARE_ROWS rows below `end` are added to as well.
-    weights
-        Those of `weigh_splat`, from row `first` on.
+    Up to SPARE_ROWS rows below `end` are added to, too.
     """
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
     for i in range(0, end - first, GROUP_ROWS):
+        # Lanes outside, rows inside: LLVM makes a vector of the lanes, and the rows hide latency.
         for k in range(TILE_WIDTH):
             for j in range(GROUP_ROWS):
                 g, place = weights[at(i + j, k)], (i + j) * CHANNELS
@@ -136,17 +124,7 @@ def add_splat(tile: F4, weights: F4, column: np.float32, first: int, end: int, s
 
 @kernel(contract=True, inline=True)
 def grad_add_splat(lane_sums: F4, tile: F4, weights: F4, column: np.float32, first: int, end: int, splat: Any) -> None:
-    """The transpose of `add_splat`: add, per lane, what rows of dL/dC contribute to one splat's lane sums.
-
-    Parameters
-    ----------
-    lane_sums
-        (LANE_SUMS,) f4, see `Q`.
-    tile
-        (rows * ROW,) f4, e = dL/dC.
-    weights, column, first, end, splat
-        As for `add_splat` and `weigh_splat`.
-    """
+    """The transpose of `add_splat`: add, per lane, what rows of dL/dC contribute to one splat's lane sums (see `Q`)."""
     x, y, r1, l, f, r2 = splat[X], splat[Y], splat[R1], splat[L], splat[F], splat[R2]
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
@@ -202,6 +180,7 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
     for k in range(HALF_TILE):
         u1_left = ((column + LANES[k]) - x) * r1
         u1_right = ((column + LANES[HALF_TILE + k]) - x) * r1
+        # both read before QU1 and QU1U1, which share their places, are written
         q_left, q_right = lane_sums[Q + k], lane_sums[Q + HALF_TILE + k]
         qu2_left, qu2_right = lane_sums[QU2 + k], lane_sums[QU2 + HALF_TILE + k]
         # Where nothing is covered u1 may be infinite, and 0 * infinity is no sum.
@@ -244,7 +223,7 @@ def add_batch(buffers: Buffers, t: int, top: int, end: int, batch: Batch, count:
         if keep and used + size <= buffers.kept.size:
             weights = buffers.kept[used:]
             batch.rows[i, KEPT_AT] = used
-            used += size
+            used += size  # with the spare rows, which the backward loop reads, too
         if strict:
             weigh(weights, column, first, last, splat, strict)
             add_weighed(tile, weights, first, last, splat)
@@ -292,7 +271,7 @@ def grad_splat(moments: F4, parameters: F4, scale: float, S: F8, gradient: F4) -
     S[:] = 0
     for i in range(moments.shape[0]):
         for k in range(MOMENTS):
-            S[k] += moments[i, k]
+            S[k] += moments[i, k]  # tile after tile, from the left
     if moments.shape[0] == 0:
         gradient[:] = ZERO
         return

@@ -17,13 +17,7 @@ _pool: ThreadPoolExecutor | None = None
 
 
 def thread_count(threads: int | None) -> int:
-    """The number of threads to use: the argument, or one per CPU that this process may run on.
-
-    Raises
-    ------
-    UsageError
-        `threads` is less than 1.
-    """
+    """The number of threads to use: the argument, at least 1, or one per CPU that this process may run on."""
     if threads is None:
         return processors()
     if threads < 1:
@@ -35,7 +29,6 @@ def run_tasks(task: Callable[[int], None], tasks: int, threads: int | None = Non
     """Call task(0), ..., task(tasks - 1), on the calling thread and those of the pool that are free.
 
     Each thread takes the next task when it is done with one. At most `threads` have a part in it; None: any number.
-
     It returns, or raises what the tasks or Ctrl-C raised, when no task is at work any more: they write into memory that
     the caller will use again. Where there can be no more threads, as at the end of a process, the caller does it all.
     """

@@ -70,7 +70,7 @@ def write_picture(tile: F4, t: int, top: int, end: int, picture: F4, clamp: bool
     last = min(first + ROW, picture.shape[1])
     for y in range(top, end):
         row, pixels = tile[y * ROW : (y + 1) * ROW], picture[y, first:last]
-        if clamp and last - first == ROW:
+        if clamp and last - first == ROW:  # a full tile: the loop has a constant bound
             _interleave_clamped(row, pixels, TILE_WIDTH)
         elif clamp:
             _interleave_clamped(row, pixels, (last - first) // CHANNELS)
@@ -127,10 +127,10 @@ def subtract_target(tile: F4, target: F4, height: int, lanes: int, squares: F8) 
     the rows and then over the lanes.
     """
     squares[:] = 0
-    tile[height * ROW :] = ZERO
+    tile[height * ROW :] = ZERO  # the spare rows, to which the forward pass has added
     if lanes < TILE_WIDTH:
         for row in range(height * CHANNELS):
-            tile[row * TILE_WIDTH + lanes : (row + 1) * TILE_WIDTH] = ZERO
+            tile[row * TILE_WIDTH + lanes : (row + 1) * TILE_WIDTH] = ZERO  # lanes to the right of the frame
     for y in range(height):
         e = tile[y * ROW : (y + 1) * ROW]
         wanted = target[y * ROW : (y + 1) * ROW]

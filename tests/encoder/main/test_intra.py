@@ -9,6 +9,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.main import intra
 from gsvc_ref.encoder.main.codes import nearest_codes, put_coordinates
+from gsvc_ref.encoder.main.coordinates import to_coordinates, to_parameters
 from gsvc_ref.encoder.main.densities import choose_densities, choose_halving_codes
 from gsvc_ref.encoder.main.fitter import fit
 from gsvc_ref.encoder.main.settings import IntraSettings
@@ -20,7 +21,6 @@ from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.main.reconstruct import colors_of, intra_state, place_bits
 from gsvc_ref.main.state import S_MOST, classes, parameters_of, to_splats
 from gsvc_ref.main.tables import step_of
-from gsvc_ref.training.coordinates import to_coordinates, to_parameters
 
 FEW = IntraSettings(initialization=20, refinement=12, rounding=3)
 

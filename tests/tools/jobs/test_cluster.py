@@ -182,7 +182,7 @@ def test_a_worker_that_cannot_be_used_is_named(answer, said):
 def test_a_worker_that_joins_later_is_asked_with_each_task():
     with pytest.raises(OtherCodeError, match=r"a worker has gsvc_ref .*, and its caller 0.1 abc"):
         call("0.1 abc", b"")
-    told = clusters._told(OtherCodeError("a worker has another"))
+    told = clusters._as_raised_here(OtherCodeError("a worker has another"))
     assert isinstance(told, ClusterError)
     assert str(told) == "a worker has another; install the same version everywhere, or end that worker"
 
@@ -191,7 +191,7 @@ def test_workers_that_die_again_and_again_are_told():
     class KilledWorker(Exception):  # noqa: N818  (dask's name)
         last_worker = type("State", (), {"address": "tcp://c:3"})()
 
-    assert str(clusters._told(KilledWorker())) == (
+    assert str(clusters._as_raised_here(KilledWorker())) == (
         "several workers ended while they had the same frames, the last one at tcp://c:3: they have too little memory "
         "for these, or something kills them"
     )

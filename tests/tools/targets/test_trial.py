@@ -24,7 +24,7 @@ def tried(frames, settings, **options):
 
 @pytest.mark.parametrize(
     "settings",
-    [fast(splats=30, key_frames=5), paper_fast(splats=12, key_frames=5, iterations=20)],
+    [fast(splats=30, key_frames=5), paper_fast(splats=12, key_frames=5, iterations=80)],
     ids=["main", "paper"],
 )
 def test_the_whole_is_within_what_was_said(settings):

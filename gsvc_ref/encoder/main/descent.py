@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.training.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
+from gsvc_ref.encoder.main.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
 
 MEMORY: Final = 8  # pairs of steps and changes of the gradient that are kept
 
@@ -80,16 +80,11 @@ class LBFGS:
         _limit(z, self._shrink, self._step)
         return self._step
 
-    def restart(self, length: float | None = None) -> None:
-        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain.
-
-        With a length the next step is `length` times as long, and those after it grow to twice the one before.
-        """
+    def restart(self) -> None:
+        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
         self._known, self._scale, self._step, self._error = 0, RESTART_SCALE, None, math.inf
         self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
         self._restarts += 1
-        if length is not None:
-            self._shrink = length / 2  # the next step doubles it
 
     def _learn(self, z: F8, gradient: F8) -> None:
         """Keep the pair of the last step, if its curvature is positive."""

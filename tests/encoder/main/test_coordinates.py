@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gsvc_base.splats import Splats
+from gsvc_ref.encoder.main import coordinates
 from gsvc_ref.rendering import Objective, render_sum
-from gsvc_ref.training import coordinates
 
 
 def some_splats(count: int = 40, seed: int = 1) -> np.ndarray:

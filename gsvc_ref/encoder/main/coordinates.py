@@ -42,6 +42,7 @@ from typing import Final
 import numpy as np
 
 from gsvc_base.arrays import F4, F8
+from gsvc_base.portable import LN2_PARTS
 from gsvc_ref._jit import kernel
 
 PER_ROOT3: Final = 1 / math.sqrt(3.0)
@@ -53,46 +54,10 @@ ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 
 LEAST_FACTOR: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
 LEAST_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
 
-_LN2_HIGH: Final = 0.6931471803691238
-_LN2_LOW: Final = 1.9082149292705877e-10
+_LN2_UPPER, _LN2_LOWER = LN2_PARTS
 _PER_LN2: Final = 1 / math.log(2)
 _EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
-
-
-def to_coordinates(parameters: F4) -> F8:
-    """The coordinates (N, 8) of splats (N, 8) f4; l11 and l22 below LEAST_FACTOR count as that."""
-    z = np.empty(parameters.shape)
-    _to_coordinates(parameters, z)
-    return z
-
-
-def to_parameters(z: F8) -> F4:
-    """The parameters (N, 8) f4 of splats with the coordinates z (N, 8): the inverse of `to_coordinates`."""
-    parameters = np.empty(z.shape, np.float32)
-    _to_parameters(z, parameters)
-    return parameters
-
-
-def gradient_by_coordinates(parameters: F4, gradient: F4) -> F8:
-    """The gradient (N, 8) by (u, v, m, r, s, n0, n1, n2) of any loss, from that by the parameters (N, 8) f4."""
-    out = np.empty(parameters.shape)
-    _gradients(parameters, gradient, out)
-    return out
-
-
-def moved(z: F8, step: F8) -> F8:
-    """The coordinates (N, 8) of splats after a step (N, 8) by (u, v, m, r, s, n0, n1, n2)."""
-    out = np.empty(z.shape)
-    _move(z, step, out)
-    return out
-
-
-def units(z: F8, D: float) -> F8:
-    """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
-    out = np.empty(z.shape)
-    _units(z, D, out)
-    return out
 
 
 def energies(z: F8) -> F8:
@@ -104,7 +69,7 @@ def energies(z: F8) -> F8:
 def exp_kernel(x: float) -> float:
     """`portable.exp` of a number between -700 and 700."""
     whole = np.rint(x * _PER_LN2)
-    rest = (x - whole * _LN2_HIGH) - whole * _LN2_LOW
+    rest = (x - whole * _LN2_UPPER) - whole * _LN2_LOWER
     total = _EXP[0]
     for i in range(1, 14):
         total = total * rest + _EXP[i]
@@ -122,7 +87,7 @@ def log_kernel(x: float) -> float:
     total = _LOG[0]
     for i in range(1, 12):
         total = total * square + _LOG[i]
-    return exponent * _LN2_HIGH + (ratio * total + exponent * _LN2_LOW)
+    return exponent * _LN2_UPPER + (ratio * total + exponent * _LN2_LOWER)
 
 
 @kernel(inline=True)
@@ -132,7 +97,9 @@ def energy(z: F8) -> float:
 
 
 @kernel()
-def _to_coordinates(parameters: F4, z: F8) -> None:
+def to_coordinates(parameters: F4) -> F8:
+    """The coordinates (N, 8) of splats (N, 8) f4; l11 and l22 below LEAST_FACTOR count as that."""
+    z = np.empty(parameters.shape)
     for i in range(len(z)):
         l11 = max(np.float64(parameters[i, 2]), LEAST_FACTOR)
         l22 = max(np.float64(parameters[i, 4]), LEAST_FACTOR)
@@ -145,6 +112,7 @@ def _to_coordinates(parameters: F4, z: F8) -> None:
         z[i, 5] = ((red + green) + blue) * PER_ROOT3 * scale
         z[i, 6] = (red - blue) * PER_ROOT2 * scale
         z[i, 7] = ((red - 2 * green) + blue) * PER_ROOT6 * scale
+    return z
 
 
 @kernel(inline=True)
@@ -161,9 +129,12 @@ def put_parameters(z: F8, row: F4) -> None:
 
 
 @kernel()
-def _to_parameters(z: F8, parameters: F4) -> None:
+def to_parameters(z: F8) -> F4:
+    """The parameters (N, 8) f4 of splats with the coordinates z (N, 8): the inverse of `to_coordinates`."""
+    parameters = np.empty(z.shape, np.float32)
     for i in range(len(z)):
         put_parameters(z[i], parameters[i])
+    return parameters
 
 
 @kernel(inline=True)
@@ -190,13 +161,18 @@ def put_gradient(row: F4, g: F4, out: F8) -> None:
 
 
 @kernel()
-def _gradients(parameters: F4, gradient: F4, out: F8) -> None:
+def gradient_by_coordinates(parameters: F4, gradient: F4) -> F8:
+    """The gradient (N, 8) by (u, v, m, r, s, n0, n1, n2) of any loss, from that by the parameters (N, 8) f4."""
+    out = np.empty(parameters.shape)
     for i in range(len(out)):
         put_gradient(parameters[i], gradient[i], out[i])
+    return out
 
 
 @kernel()
-def _move(z: F8, step: F8, out: F8) -> None:
+def moved(z: F8, step: F8) -> F8:
+    """The coordinates (N, 8) of splats after a step (N, 8) by (u, v, m, r, s, n0, n1, n2)."""
+    out = np.empty(z.shape)
     for i in range(len(out)):
         l11, l22 = exp_kernel((z[i, 2] + z[i, 3]) * PER_ROOT2), exp_kernel((z[i, 2] - z[i, 3]) * PER_ROOT2)
         out[i, 0] = z[i, 0] + l11 * step[i, 0]
@@ -205,10 +181,13 @@ def _move(z: F8, step: F8, out: F8) -> None:
             if k != 4:
                 out[i, k] = z[i, k] + step[i, k]
         out[i, 4] = z[i, 4] * exp_kernel(ROOT2 * step[i, 3]) + step[i, 4]  # l21 / l11 holds
+    return out
 
 
 @kernel()
-def _units(z: F8, D: float, out: F8) -> None:
+def units(z: F8, D: float) -> F8:
+    """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
+    out = np.empty(z.shape)
     for i in range(len(out)):
         relative = D / max(math.sqrt(energy(z[i])), LEAST_ENERGY * D)
         for k in range(4):
@@ -216,6 +195,7 @@ def _units(z: F8, D: float, out: F8) -> None:
         out[i, 4] = 2 * relative
         for k in range(5, 8):
             out[i, k] = D
+    return out
 
 
 @kernel(inline=True)

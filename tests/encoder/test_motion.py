@@ -6,7 +6,7 @@ from codec_cases import encoded, paper_fast, waves
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gsvc_ref.training.motion import estimated_motion
+from gsvc_ref.encoder.motion import estimated_motion
 
 
 def smooth(width, height, dx=0.0, dy=0.0, wavelength=1.0) -> np.ndarray:
