@@ -77,9 +77,8 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
     count: int = min(intersections_of(t, bins) - skipped, batch.rows.shape[0])
     for i in range(count):
         n = bins.intersections[first + i, 0]
-        # The rows of this tile alone, fewer than those of the box around the splat.
         splat = bins.projected[n]
-        rows = row_range(splat, t, height)
+        rows = row_range(splat, t, height)  # in this tile, fewer than in the box around the splat
         batch.rows[i, 0] = rows[0]
         batch.rows[i, 1] = rows[1]
         batch.rows[i, INDEX] = bins.intersections[first + i, 1]

@@ -180,7 +180,7 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
     for k in range(HALF_TILE):
         u1_left = ((column + LANES[k]) - x) * r1
         u1_right = ((column + LANES[HALF_TILE + k]) - x) * r1
-        # both read before QU1 and QU1U1, which share their places, are written
+        # Both are read before QU1 and QU1U1, which share their places, are written.
         q_left, q_right = lane_sums[Q + k], lane_sums[Q + HALF_TILE + k]
         qu2_left, qu2_right = lane_sums[QU2 + k], lane_sums[QU2 + HALF_TILE + k]
         # Where nothing is covered u1 may be infinite, and 0 * infinity is no sum.
