@@ -34,15 +34,10 @@ _parts: Final[deque[tuple[Callable[..., Any], Callable[..., Any], dict[str, Any]
 def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Compile a function with Numba, cached on disk; it stays plain Python under ``NUMBA_DISABLE_JIT=1``.
 
-    Kernels copy from one array to another element by element: an assignment of slices would have Numba compile the
-    text of its message on unequal shapes, for three seconds.
-
-    Parameters
-    ----------
-    contract
-        Allow a multiply and an add to be fused. Never set for anything that must be exact (spec.md section 3.3).
-    inline
-        Ask LLVM to inline the function into its callers.
+    `contract` allows a multiply and an add to be fused: never for anything that must be exact (spec.md section 3.3).
+    `inline` asks LLVM to inline the function into its callers. Kernels copy from one array to another element by
+    element: an assignment of slices would have Numba compile the text of its message on unequal shapes, for three
+    seconds.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
@@ -71,14 +66,9 @@ def kernel(*, contract: bool = False, inline: bool = False) -> Callable[[Callabl
 
 
 def without_contraction(contracted: Callable[P, R], **names: Any) -> Callable[P, R]:
-    """The twin of an inlined kernel that rounds every operation: the same text, compiled without contraction.
+    """The twin of a kernel with ``contract=True, inline=True`` that rounds every operation, from the same text.
 
-    Parameters
-    ----------
-    contracted
-        A function decorated with ``kernel(contract=True, inline=True)``.
-    names
-        Values of global names of its module in the twin, where it calls kernels that have twins themselves.
+    `names` are values of global names of its module in the twin, where it calls kernels that have twins themselves.
     """
     plain = cast(types.FunctionType, getattr(contracted, "__wrapped__", contracted))
     name = f"{plain.__name__}_strict"

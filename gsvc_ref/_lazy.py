@@ -17,11 +17,7 @@ def lazily(
     """`__getattr__`, `__dir__` and `__all__` of a package, from its stub ``__init__.pyi``, which type checkers read.
 
     A line ``from MODULE import NAME as NAME`` of the stub is a name and its home; ``PUBLIC = NAME`` renames it.
-
-    Parameters
-    ----------
-    offered
-        By a package that plugs itself in: what gives its names, since this one must not import it.
+    `offered` has, by a package that plugs itself in, what gives its names: this one must not import it.
     """
     file = modules[package].__file__
     assert file is not None

@@ -145,13 +145,7 @@ def commands() -> Mapping[str, str]:
 
 
 def offered(name: str) -> Any:
-    """What a plug-in offers under a name of `gsvc_ref`.
-
-    Raises
-    ------
-    UsageError
-        No plug-in that is installed offers it.
-    """
+    """What a plug-in offers under a name of `gsvc_ref`; a UsageError says that none that is installed does."""
     _load()
     if name not in _names:
         from gsvc_base.errors import UsageError
@@ -185,13 +179,7 @@ def targets() -> tuple[Target, ...]:
 
 
 def encoder() -> Callable[..., Any]:
-    """The function of the module that was given to `set_encoder` last.
-
-    Raises
-    ------
-    UsageError
-        No plug-in that is installed has one.
-    """
+    """The function of the module that was given to `set_encoder` last; a UsageError says that no plug-in has one."""
     _load()
     if not _encoders:
         from gsvc_base.errors import UsageError

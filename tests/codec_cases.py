@@ -54,7 +54,7 @@ def fast(**overrides) -> Settings:
     """Quick settings that are over in a blink: few evaluations, one key frame."""
     intra = IntraSettings(initialization=8, refinement=6, rounding=1)
     inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=4, rounded_iterations=3)
-    return Settings.quick(**{"main_intra": intra, "main_inter": inter, "key_frames": (), "threads": 1} | overrides)
+    return Settings.quick(**{"intra": intra, "inter": inter, "key_frames": (), "threads": 1} | overrides)
 
 
 def paper_fast(**overrides) -> Settings:

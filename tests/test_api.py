@@ -1,7 +1,9 @@
 """The few public names: all there, loaded only when used, and the ways of the docstring work."""
 
 import copy
+import inspect
 import pickle
+import re
 import subprocess
 import sys
 from fractions import Fraction
@@ -38,6 +40,18 @@ def test_every_public_name_is_there():
         assert name in dir(gsvc_ref)
     expected = {"encode", "decode", "Settings", "Splats", "render", "render_gradients", "open", "GsvcError"}
     assert expected <= set(gsvc_ref.__all__)
+
+
+def test_public_functions_document_their_arguments_and_their_results():
+    functions = {name: inspect.unwrap(getattr(gsvc_ref, name)) for name in gsvc_ref.__all__}
+    for name, function in functions.items():
+        if inspect.isfunction(function):
+            parts = re.split(r"^(\w+)\n-+\n", inspect.getdoc(function), flags=re.MULTILINE)
+            sections = dict(zip(parts[1::2], parts[2::2], strict=True))
+            lines = re.findall(r"^\w.*$", sections["Parameters"], re.MULTILINE)
+            documented = {argument for line in lines for argument in line.split(", ")}
+            assert documented == {*inspect.signature(function).parameters}, name
+            assert sections.keys() & {"Returns", "Yields"}, name
 
 
 def test_there_is_no_other_name():

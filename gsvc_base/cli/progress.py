@@ -103,7 +103,7 @@ class ProgressDisplay:
         line: Callable[[TextIO], Line] = open_line,
     ) -> None:
         self._stream: Any = stream if stream is not None else sys.stderr
-        # else callers need not find out what costs time
+        # False: nothing will ever be shown, and callers can leave out what costs time.
         self.active = not quiet and self._stream is not None and self._stream.isatty()
         self._clock, self._open_line = clock, line
         self._start = clock()

@@ -33,7 +33,7 @@ def loss_with_bound(picture: F4, target: F4) -> dict[str, WithBound]:
 
 
 def weighted_gradients_with_bound(values: F4, gradients: F4) -> dict[str, WithBound]:
-    """The gradients (N, 9) of colors and weights (10-11) for values (N, 9) and gradients (N, 8); R-10.3-2.
+    """The gradients (N, 9) of colours and weights (10-11) for values (N, 9) and gradients (N, 8); R-10.3-2.
 
     Copies are exact, w G has one rounding, G . c' three products in any order.
     """

@@ -7,7 +7,7 @@ from typing import Final
 
 from gsvc_lab.accuracy.sources import Source
 from gsvc_ref.encoder.paper import FrameEncoder
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
 
 MAX_POINTS: Final = 200
 
@@ -48,7 +48,9 @@ class _TimeIsUpError(Exception):
     """Ends an encode from within its callback."""
 
 
-def encoding_curve(settings: Settings, source: Source, limit: float, on_time: OnTime = lambda seconds: None) -> Curve:
+def encoding_curve(
+    settings: PaperSettings, source: Source, limit: float, on_time: OnTime = lambda seconds: None
+) -> Curve:
     """Encode the source as the first I-frame of a stream, for at most `limit` seconds.
 
     The time includes the start and the last check.

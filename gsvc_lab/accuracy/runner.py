@@ -18,7 +18,7 @@ from gsvc_lab.accuracy.pictures import error_pictures
 from gsvc_lab.accuracy.results import AccuracyReport, GroupResult, Measurement, measurements_of
 from gsvc_lab.accuracy.sources import Source
 from gsvc_lab.accuracy.work import Quality, SourcePicture, Work
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
 
 SECONDS: Final = 110.0
 """Time to measure in by default."""
@@ -163,13 +163,15 @@ class _Measuring:
 
     def _curves(self, seconds: float) -> tuple[Curve, ...]:
         """One curve per preset; the first encode only compiles."""
-        encoding_curve(Settings.quick(profile="paper", iterations=2), self.source, math.inf)
+        encoding_curve(PaperSettings.quick(iterations=2), self.source, math.inf)
         begin = time.perf_counter()
         quick = encoding_curve(
-            Settings.quick(profile="paper"), self.source, math.inf, lambda _: self._report("encoding, preset quick")
+            PaperSettings.quick(), self.source, math.inf, lambda _: self._report("encoding, preset quick")
         )
         limit = min(PAPER_S, max(seconds - (time.perf_counter() - begin), MIN_PAPER * self.total))
-        paper = encoding_curve(Settings.paper(), self.source, limit, lambda _: self._report("encoding, preset paper"))
+        paper = encoding_curve(
+            PaperSettings.paper(), self.source, limit, lambda _: self._report("encoding, preset paper")
+        )
         return quick, paper
 
     def _on_fit(self, iteration: int, iterations: int, loss: float) -> None:

@@ -14,7 +14,7 @@ from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.encoder.main.edges import NEW_SIZE
-from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, Settings
+from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, PaperSettings
 from gsvc_ref.paper import FrameCodes, State
 from gsvc_ref.rendering import Objective, Precision, render_sum
 from gsvc_ref.stream import StreamWriter
@@ -185,9 +185,9 @@ class Coding:
     stages: int = 3
     codewords: int = 16
 
-    def settings(self, width: int, height: int) -> Settings:
+    def settings(self, width: int, height: int) -> PaperSettings:
         """The preset quick with these settings instead of its own."""
-        settings = Settings.quick(profile="paper", cholesky_bits=self.cholesky_bits)
+        settings = PaperSettings.quick(cholesky_bits=self.cholesky_bits)
         step = None if self.position_bits is None else max(width, height) / 2 * 2.0 ** (1 - self.position_bits)
         block = settings.intra.quantizer.with_(
             position_step=step, color_stages=self.stages, color_codewords=self.codewords

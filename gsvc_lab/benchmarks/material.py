@@ -21,6 +21,7 @@ from gsvc_lab.benchmarks.pictures import mosaic
 from gsvc_ref import Settings, Splats
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.quick import grown
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.rendering import covered_pixels
 from gsvc_ref.video import ColorDescription, VideoFormat
 
@@ -132,7 +133,7 @@ def _frames(width: int, height: int) -> Iterator[NDArray[np.uint8]]:
 
 
 def _train(target: F4, count: int) -> F4:
-    iterations = Settings.quick(profile="paper").intra.fit.iterations
+    iterations = PaperSettings.quick().intra.fit.iterations
     return grown(Target(target), count, iterations, np.random.default_rng(SEED))
 
 

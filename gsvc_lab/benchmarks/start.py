@@ -22,9 +22,9 @@ STARTS: Final = 9
 STEPS: Final = {
     "Python": "pass",
     "and NumPy": "import numpy",
-    "and Numba": "import numba",
-    "and gsvc_ref's modules": "import gsvc_ref; gsvc_ref.decode",
-    "and a first compiled kernel": "import gsvc_ref; gsvc_ref.decode; "
+    "and gsvc_ref's modules": "import gsvc_ref.rendering; gsvc_ref.decode",
+    "and Numba": "import gsvc_ref.rendering; gsvc_ref.decode; import gsvc_ref._compiler",
+    "and a first compiled kernel": "import gsvc_ref.rendering; gsvc_ref.decode; "
     "from gsvc_ref.bitstream import crc32c; crc32c(b'1')",
 }
 """The steps of a start, each with all before it."""

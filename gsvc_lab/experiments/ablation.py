@@ -29,6 +29,7 @@ from gsvc_lab.experiments.key_frames import detect
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import Effects
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.training import FitSettings
 
 VARIANTS: Final = ("P only", "+ GSP", "+ GSA", "+ DKS")
@@ -76,7 +77,7 @@ SMALL: Final = Plan((96, 64), 6, (100, 300), 300, 3, 800, 1e-2)
 FULL: Final = Plan((480, 270), 20, (500, 1000, 2000, 4000), 2000, 3, 3000, 1e-2)
 
 
-def variant(name: str, settings: Settings, keys: tuple[int, ...]) -> Settings:
+def variant(name: str, settings: PaperSettings, keys: tuple[int, ...]) -> PaperSettings:
     """The settings of a variant, all of which end with as many splats in every frame.
 
     Without GSP, frames have 0.9 N splats from the start. Without GSA no P-frame gets new splats, and none is pruned.
@@ -129,7 +130,7 @@ def of_variants(
     return made
 
 
-def scores(clip: Clip, settings: Settings, say: Say, what: str, *, decode: bool) -> dict[str, Any]:
+def scores(clip: Clip, settings: PaperSettings, say: Say, what: str, *, decode: bool) -> dict[str, Any]:
     """Mean scores of a clip's frames as splats without quantisation, and of the decoded stream."""
     keys = settings.key_frames
     assert isinstance(keys, tuple)

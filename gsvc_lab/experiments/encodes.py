@@ -17,6 +17,7 @@ from gsvc_lab.experiments.fitting import Picture, Quality
 from gsvc_ref.encoder import EncodeReport, Settings, encode
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.report import Progress
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.metrics import ms_ssim
 from gsvc_ref.stream import decode
 from gsvc_ref.training import (
@@ -47,7 +48,7 @@ HELD_BYTES: Final = 2**29
 Say = Callable[[str], None]
 
 
-def shortened(settings: Settings, iterations: int, rate: float) -> Settings:
+def shortened(settings: PaperSettings, iterations: int, rate: float) -> PaperSettings:
     """Preset `paper` in fewer iterations with a higher learning rate, which makes up for some of those missing.
 
     The rate, that of all attributes at the start, is halved at the same fractions of the iterations as in the paper.
@@ -155,7 +156,7 @@ class Fitted:
     quality: Quality
 
 
-def fitted_frames(frames: Iterable[Frame], settings: Settings, keys: Collection[int]) -> Iterator[Fitted]:
+def fitted_frames(frames: Iterable[Frame], settings: PaperSettings, keys: Collection[int]) -> Iterator[Fitted]:
     """Fit 8-bit frames one after the other with preset `paper`, each P-frame from the splats of the frame before.
 
     This is the paper's algorithm 1 from step 4 on, without its encoding: I-frames, those in `keys`, begin at random,

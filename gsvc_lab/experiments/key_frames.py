@@ -16,6 +16,7 @@ from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.key_frames import THRESHOLD, WINDOW, Rule, select_key_frames
 from gsvc_ref.encoder.pretraining import Pretraining
+from gsvc_ref.encoder.settings import PaperSettings
 
 RULES: Final[tuple[Rule, ...]] = ("paper", "robust")
 
@@ -65,8 +66,8 @@ def measure(parts: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
     clip, seams = joined(parts, plan.frames, width, height)
     clip = held(clip)
     splats, frames = min(plan.splats, width * height // 10), clip.format.frame_count or 0
-    options: dict[str, Any] = {"splats": splats, "threads": threads, "profile": "paper"}
-    paper, quick = (preset(**options) for preset in (Settings.paper, Settings.quick))
+    options: dict[str, Any] = {"splats": splats, "threads": threads}
+    paper, quick = (preset(**options) for preset in (PaperSettings.paper, PaperSettings.quick))
     paper = replace(paper, detection=replace(paper.detection, iterations=plan.pretraining))
     detections = {
         name: detect(clip, settings, say, f"pre-training {name}")

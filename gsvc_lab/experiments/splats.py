@@ -12,7 +12,7 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, quickly_fitted, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings, Settings
 from gsvc_ref.training import FitSettings
 
 COUNTS: Final = (10, 100, 1000, 10_000)
@@ -41,7 +41,7 @@ class Fit:
 def measure(still: Still, counts: Sequence[int], iterations: int, run: Run) -> dict[str, list[Fit]]:
     """The fits by schedule, in the order of the counts."""
     picture = Picture(still.frame, run.threads)
-    paper, quick = Settings.paper().intra, Settings.quick(profile="paper").intra
+    paper, quick = Settings.paper().intra, PaperSettings.quick().intra
     paper = paper.with_(fit=paper.fit.with_(iterations=iterations))
 
     def by_paper(count: int) -> tuple[Splats, int]:
@@ -153,7 +153,7 @@ def run(settings: Run) -> Result:
         f"it converges; the paper's pictures are of 1920x1080, after a number of iterations that it does not state. "
         f"Steps of about 1e-3 pixels let a splat grow by about {reach(iterations):.0f} pixels in that time, so few "
         f"splats cannot cover the frame. quick starts from the picture and makes "
-        f"{Settings.quick(profile='paper').intra.fit.iterations} iterations.{scales_missing(still.size)}"
+        f"{PaperSettings.quick().intra.fit.iterations} iterations.{scales_missing(still.size)}"
     )
     conclusion = verdict(fits).about(
         settings,

@@ -71,7 +71,7 @@ def decode_golombs(data: NDArray[np.uint8], first_bit: int, order: int, values: 
             return UNDERFLOW, start
         value: int | np.int64 = 0
         for _ in range(1 + z + order):
-            # z zeros are followed by z + order + 1 bits of the value + 2^order
+            # The bits after the z zeros are those of the value + 2^order.
             value = (value << 1) | ((np.int64(data[bit >> 3]) >> (7 - (bit & 7))) & 1)
             bit += 1
         values[i] = value - (1 << order)

@@ -72,11 +72,12 @@ def choose_plane_code(symbols: NDArray[np.integer], alphabet: int, header: Seque
         return PlaneCode(CONSTANT, row, first_symbol=first)
     best = PlaneCode(RAW, row)
     w = (alphabet - 1).bit_length()
+    # No table of these symbols is smaller: one bit for each frequency, four bytes for each lane.
     if best.size(alphabet) <= (TABLE_HEAD_BITS + 2 * w + last - first + 1) // 8 + 4 * min(header.lane_count, len(row)):
         return best
     counts = np.bincount(row, minlength=last + 1)[first:].astype(np.int64)
     for table_bits, order, frequencies, least in _tables(counts, header.entropy_precision):
-        if least >= 8 * best.size(alphabet):
+        if least >= 8 * best.size(alphabet):  # not even the estimate, which has no states, is smaller
             continue
         scaled = frequencies << (header.entropy_precision - table_bits)
         states, words = encode_plane(row, scaled, header.entropy_precision, header.lane_count, first)

@@ -23,7 +23,7 @@ def _work_kernel(positions: F4, cholesky: F4, width: float, height: float) -> fl
         if l11 < SMALLEST_NORMAL or l22 < SMALLEST_NORMAL or not np.isfinite(total):
             continue
         e_x, e_y = REACH * l11, REACH * (abs(l21) + l22)
-        # whole pixels, clamped to the frame
+        # Whole pixels, clamped to the frame.
         columns = max(0.0, min(width, np.ceil(x + e_x)) - max(0.0, np.floor(x - e_x)))
         rows = max(0.0, min(height, np.ceil(y + e_y)) - max(0.0, np.floor(y - e_y)))
         work += columns * rows  # (5-1)

@@ -59,13 +59,7 @@ def _place(command: str) -> int:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command and return its exit code (see the package's docstring).
-
-    Parameters
-    ----------
-    argv
-        The arguments without the program's name; None takes those of the process.
-    """
+    """Run a command and return its exit code (see the package's docstring); None takes the arguments of the process."""
     prepare_streams()
     with rare_collections():
         return guarded("gsvc", lambda: _run(argv))

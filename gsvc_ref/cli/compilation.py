@@ -14,17 +14,11 @@ COMPILE_EVENT: Final = "numba:compile"
 
 
 class CompilationNotice:
-    """Says once, on standard error, that the compiler works, at the moment when it begins to.
-
-    Attributes
-    ----------
-    said
-        Whether it has: the time of the command is not that of its work alone.
-    """
+    """Says once, on standard error, that the compiler works, at the moment when it begins to."""
 
     def __init__(self, command: str) -> None:
         self._command = command
-        self.said = False
+        self.said = False  # once it has, the time of the command is not that of its work alone
 
     def say(self) -> None:
         """Numba begins to compile a kernel."""

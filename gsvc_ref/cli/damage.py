@@ -47,25 +47,13 @@ def _more_frames(stream: "Stream", next_number: int) -> bool:
 
 
 class Gaps:
-    """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`.
-
-    Attributes
-    ----------
-    found
-        The gaps so far, of which the first `MAX_GAPS` are kept: a hostile stream may have one in every few bytes.
-    count
-        The number of gaps.
-    missing
-        The number of frames that are missing so far, as far as is known.
-    more_may_be_missing
-        Whether the number of frames that the stream had is unknown.
-    """
+    """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`."""
 
     def __init__(self) -> None:
-        self.found: list[Gap] = []
-        self.count = 0
-        self.missing = 0
-        self.more_may_be_missing = False
+        self.found: list[Gap] = []  # the first `MAX_GAPS`: a hostile stream may have one in every few bytes
+        self.count = 0  # of all gaps
+        self.missing = 0  # frames, as far as is known
+        self.more_may_be_missing = False  # the number of frames that the stream had is unknown
 
     def __call__(self, gap: "Gap") -> None:
         """Count a gap."""

@@ -40,30 +40,17 @@ class NamedInput:
 
 @dataclass(frozen=True)
 class Extras:
-    """What a command adds to an encode that does more than this one.
+    """What a command adds to an encode that does more than this one."""
 
-    Attributes
-    ----------
-    source
-        Gives the source, which can be opened again and again.
-    options
-        Arguments of `gsvc_ref.encode`.
-    opens_again
-        Whether the source is opened by `gsvc_ref.encode`, as often as it needs, with these settings.
-    look
-        Called with the source before it is encoded, so that it may get notes.
-    notes
-        Gives sentences on the encode.
-    advice
-        Gives the end of a sentence on an interrupted encode.
-    """
-
+    # The source, which can be opened again and again.
     source: "Callable[[Namespace], VideoSource]" = lambda arguments: NamedInput(arguments.input)
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)  # arguments of `gsvc_ref.encode`
+    # Whether `gsvc_ref.encode` opens the source, as often as it needs, with these settings.
     opens_again: "Callable[[Settings], bool]" = lambda settings: False
+    # Called with the source before it is encoded, so that it may get notes.
     look: "Callable[[VideoReader, Settings], None]" = lambda reader, settings: None
-    notes: "Callable[[EncodeReport], list[str]]" = lambda report: []
-    advice: Callable[[], str] = lambda: ""
+    notes: "Callable[[EncodeReport], list[str]]" = lambda report: []  # sentences on the encode
+    advice: Callable[[], str] = lambda: ""  # the end of a sentence on an interrupted encode
 
 
 PLAIN: Final = Extras()

@@ -19,13 +19,7 @@ CHANGING: Final = ("scale", "fps")
 
 
 def check_page(arguments: Namespace) -> None:
-    """Refuse ``--report`` where its page could not be written, before work is done for it.
-
-    Raises
-    ------
-    UsageError
-        The stream or the page goes to standard output, the page's name is no page, or no package makes pages.
-    """
+    """Refuse ``--report`` where its page could not be written, before work is done for it."""
     page = arguments.report
     if page is None:
         return

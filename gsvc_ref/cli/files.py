@@ -40,13 +40,7 @@ def display_name(name: str, standard: str = "standard input") -> str:
 
 
 def check_input(name: str, *, folder_allowed: bool = False) -> None:
-    """Refuse an input that cannot be one; where folders of pictures are allowed, built-in scenes are.
-
-    Raises
-    ------
-    UsageError
-        It does not exist, is a folder where none is allowed, or is a terminal.
-    """
+    """Refuse an input that cannot be one; where folders of pictures are allowed, built-in scenes are."""
     if name == STDIO:
         if sys.stdin is None:
             raise UsageError("- reads from standard input, which is closed: pipe something in, or give a file")
@@ -63,13 +57,7 @@ def check_input(name: str, *, folder_allowed: bool = False) -> None:
 
 
 def check_output(name: str, source: str, *, folder_allowed: bool = False) -> None:
-    """Refuse an output that cannot be written, before work is done for it.
-
-    Raises
-    ------
-    UsageError
-        Its folder does not exist, it is a folder where none is allowed, a terminal, or the input itself.
-    """
+    """Refuse an output that cannot be written, before work is done for it."""
     if name == STDIO:
         if sys.stdout is None:
             raise UsageError("- writes to standard output, which is closed: pipe it somewhere, or give a file")
@@ -86,13 +74,7 @@ def check_output(name: str, source: str, *, folder_allowed: bool = False) -> Non
 
 
 def check_stream_name(name: str, *, force: bool) -> None:
-    """Refuse to write a stream under a name that says another format, unless that is wanted (R-1.1-1).
-
-    Raises
-    ------
-    UsageError
-        The name ends like a video, a picture or the like.
-    """
+    """Refuse to write a stream under a name that says another format, unless that is wanted (R-1.1-1)."""
     suffix = Path(name).suffix.lower()
     if not force and suffix in FOREIGN_SUFFIXES:
         raise UsageError(
@@ -132,14 +114,8 @@ def holds_stream(name: str) -> bool:
 def open_stream(name: str, *, salvage: bool = False, max_level: int = 5, layer: int | None = None) -> "Stream":
     """Open a GSVC stream of a level up to `max_level`, or standard input, which is read as it comes.
 
-    `layer` is the quality that is decoded; None: the highest.
-
-    Raises
-    ------
-    GsvcError
-        It is none, or has no complete header; the message names the file and says what to do.
-    UsageError
-        A pipe is to be salvaged, or the stream has no such layer; the message names the file.
+    `layer` is the highest layer that is decoded; None: all. The message of an error names the file and says what to
+    do.
     """
     import gsvc_ref
 
@@ -183,20 +159,12 @@ def _begins_like_stream(name: str) -> bool:
 
 
 class CompleteFrames:
-    """The frames of a stream up to a fault, which is kept instead of raised.
-
-    Attributes
-    ----------
-    damage
-        The fault, once all frames before it have been taken; None while there is none.
-    count
-        Frames taken so far.
-    """
+    """The frames of a stream up to a fault, which is kept instead of raised."""
 
     def __init__(self, frames: "Iterator[Frame]") -> None:
         self._frames = frames
-        self.damage: GsvcError | None = None
-        self.count = 0
+        self.damage: GsvcError | None = None  # the fault, once all frames before it have been taken
+        self.count = 0  # frames taken so far
 
     def __iter__(self) -> "Iterator[Frame]":
         return self

@@ -19,13 +19,7 @@ FRAME_DECAY: Final = 0.9
 
 
 class TimeLeft:
-    """The time left for the frames of an encode, as it goes on from frame to frame, the first of them an I-frame.
-
-    Attributes
-    ----------
-    rate
-        Frames per second since the first one began; 0 before one is done.
-    """
+    """The time left for the frames of an encode, as it goes on from frame to frame, the first of them an I-frame."""
 
     def __init__(self) -> None:
         self._begin: float | None = None  # of the first frame
@@ -33,22 +27,10 @@ class TimeLeft:
         self._frame_begin = 0.0
         self._intra: float | None = None
         self._weight = self._inter = 0.0
-        self.rate = 0.0
+        self.rate = 0.0  # frames per second since the first one began; 0 before one is done
 
     def update(self, frame: int, share: float, elapsed_s: float, frame_count: int | None) -> float | None:
-        """The seconds left, or None while nothing is known of them.
-
-        Parameters
-        ----------
-        frame
-            The number of the frame in work.
-        share
-            How much of it is done, 0..1.
-        elapsed_s
-            Seconds since the encode began.
-        frame_count
-            The number of frames; None if it is not known.
-        """
+        """The seconds left while a share, 0..1, of a frame is done; None while nothing is known of them."""
         if self._begin is None or frame < self._frame:  # also where another pass begins
             self._begin, self._first, self._frame, self._frame_begin = elapsed_s, frame, frame, elapsed_s
             self._weight = self._inter = 0.0

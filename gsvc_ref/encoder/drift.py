@@ -7,7 +7,7 @@ RECOVERED: Final = 0.4
 """D goes back to that of the I-frame once a P-frame has this many dB more than the least that is allowed."""
 
 JUMP: Final = 3.0
-"""A P-frame with this many dB less than the one before shows something else, and those after it are compared with it."""
+"""A P-frame with this many dB less than the one before shows something else: those after it are compared with it."""
 
 FINEST: Final = 8
 """D becomes finer by at most this many eighths of an octave."""

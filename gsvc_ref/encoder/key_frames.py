@@ -144,7 +144,7 @@ def select_key_frames(
     *,
     causal: bool = False,
 ) -> list[int]:
-    """Numbers of the key frames of a whole sequence, from 0, in order (R-10.9-1).
+    """The key frames of a whole sequence (R-10.9-1).
 
     Parameters
     ----------
@@ -156,6 +156,11 @@ def select_key_frames(
         The parameters of `KeyFrameSelector`.
     robust
         Whether the rule is ``robust``, not ``paper``.
+
+    Returns
+    -------
+    list[int]
+        Their numbers from 0, ascending.
 
     Raises
     ------

@@ -19,7 +19,7 @@ from gsvc_ref.encoder.log import OFF, FrameLog
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State
@@ -72,7 +72,7 @@ class FrameEncoder:
         The source of the frame before, (H, W, 3) f4.
     """
 
-    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+    def __init__(self, settings: PaperSettings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
@@ -325,14 +325,21 @@ class _PaperFrame:
     ) -> EncodedFrame:
         """The frame of fitted splats after quantisation-aware fine-tuning, with `inter` for differences."""
         with self.seconds.timed("quantize"):
-            quantizer = FrameQuantizer(
-                population, self.objective, self.settings.intra.quantizer, inter, before, self.rng
-            )
+            intra = self._intra_quantizer(int(np.count_nonzero(population.origins == NEW)))
+            quantizer = FrameQuantizer(population, self.objective, intra, inter, before, self.rng)
             codes, state, done = fine_tune(
                 population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
             )
             self.iterations += done
         return self._reconstructed(codes, state)
+
+    def _intra_quantizer(self, count: int) -> BlockSettings:
+        """The quantisers of `count` new splats: in preset `quick` they have no more codewords in all than splats."""
+        settings, block = self.settings.intra, self.settings.intra.quantizer
+        if not isinstance(settings.fit, QuickFit):
+            return block
+        stages, codewords = len(block.colors.codewords), block.colors.codewords[0]
+        return block.with_(color_codewords=min(codewords, max(1, count // stages)))
 
     def _reconstructed(self, codes: FrameCodes, state: State) -> EncodedFrame:
         """The frame, with the PSNR of what a decoder will show."""

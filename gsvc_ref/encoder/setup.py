@@ -13,7 +13,7 @@ from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
 from gsvc_ref.encoder.paper import FrameEncoder
 from gsvc_ref.encoder.recording import Recording, StreamPlan, header_of
 from gsvc_ref.encoder.report import FrameReport, OnProgress, ProgressReporter
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import MainSettings, PaperSettings, Settings
 from gsvc_ref.encoder.source_and_target import SoundFrames
 from gsvc_ref.encoder.times import SourceTimes
 from gsvc_ref.stream.pace import second_limits
@@ -25,10 +25,11 @@ CoderMaker = Callable[[Settings, VideoFormat], GroupCoder]
 
 def coder_of(settings: Settings, video: VideoFormat) -> GroupCoder:
     """What encodes the frames of a source."""
-    make: Callable[..., GroupCoder] = MainFrameEncoder if settings.profile == "main" else FrameEncoder
-    if settings.layer_count > 1:
-        make = LayeredFrameEncoder
-    return make(settings, video.width, video.height, video.bit_depth)
+    form = video.width, video.height, video.bit_depth
+    if isinstance(settings, PaperSettings):
+        return FrameEncoder(settings, *form)
+    assert isinstance(settings, MainSettings)
+    return LayeredFrameEncoder(settings, *form) if settings.layer_count > 1 else MainFrameEncoder(settings, *form)
 
 
 class EncodeSetup:
@@ -137,8 +138,7 @@ def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least
     """The lowest level from `least` on that allows a second of frames with the splats that they are meant to have."""
     width, height = video.width, video.height
     size = settings.counted_splats if settings.profile == "main" else settings.most_splats
-    has_quality = settings.psnr is not None or settings.quality is not None  # then nobody knows the splats beforehand
-    splats = 0 if has_quality else size(width, height)
+    splats = 0 if settings.has_quality else size(width, height)  # with a quality nobody knows them beforehand
     for level in range(least, max(LEVELS) + 1):
         header = header_of(coder, video, level)
         frames, allowed = header.frames_of_second, second_limits(header)
@@ -152,7 +152,7 @@ def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least
 
 def missed_quality(frames: list[FrameReport], settings: Settings, video: VideoFormat) -> list[str]:
     """Sentences on frames that have less than the quality asked for."""
-    if settings.layers:
+    if isinstance(settings, MainSettings) and settings.layers:
         return _missed_layers(frames, settings)
     goal = settings.psnr
     if goal is None:
@@ -174,7 +174,7 @@ def missed_quality(frames: list[FrameReport], settings: Settings, video: VideoFo
     ]
 
 
-def _missed_layers(frames: list[FrameReport], settings: Settings) -> list[str]:
+def _missed_layers(frames: list[FrameReport], settings: MainSettings) -> list[str]:
     """A sentence for each layer with which frames have less than the quality asked for."""
     notes = []
     for layer, goal in enumerate(settings.layers):

@@ -20,7 +20,7 @@ from gsvc_ref.bitstream.frames import frame as write_frame
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.given_splats import GivenSplats
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
@@ -64,7 +64,7 @@ class SplatCoder:
         The decoder's state after the frames so far.
     """
 
-    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int, level: int) -> None:
+    def __init__(self, settings: PaperSettings, width: int, height: int, bit_depth: int, level: int) -> None:
         self.settings, self.level, self.bit_depth = settings, level, bit_depth
         self.width, self.height = width, height
         self.state = State.initial(width, height)

@@ -11,7 +11,7 @@ from gsvc_ref.encoder.given_splats import Degenerate, FrameOfSplats, GivenFrames
 from gsvc_ref.encoder.loop import encode_frames
 from gsvc_ref.encoder.recording import Recording, StreamPlan, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
-from gsvc_ref.encoder.settings import KeyFrames, Settings
+from gsvc_ref.encoder.settings import KeyFrames, PaperSettings
 from gsvc_ref.encoder.source_and_target import SoundFrames, Target
 from gsvc_ref.encoder.splat_coder import SplatCoder
 from gsvc_ref.paper import RvqSettings
@@ -142,7 +142,7 @@ def write(
     return record(target, plan, encode)
 
 
-def write_settings(**options: Any) -> Settings:
+def write_settings(**options: Any) -> PaperSettings:
     """The settings of `write`: quantisers of values and of differences, and no iteration."""
     none = FitSettings(iterations=0, pruning=None, convergence=None)
     colors = RvqSettings((COLOR_CODEWORDS,) * COLOR_STAGES)
@@ -153,8 +153,8 @@ def write_settings(**options: Any) -> Settings:
         position_step=DIFFERENCE_STEP, cholesky_step=DIFFERENCE_STEP, static_threshold=0.5,
         colors=RvqSettings(colors.codewords, zero_codeword=True),
     )  # fmt: skip
-    settings = Settings(
-        "write", FrameSettings(none, none, values), FrameSettings(none, none, differences), profile="paper"
+    settings = PaperSettings(
+        preset="write", intra=FrameSettings(none, none, values), inter=FrameSettings(none, none, differences)
     )
     return settings.with_(decisions=False, **options)
 

@@ -121,6 +121,7 @@ def updated(
     counts = decay * counts + (1 - decay) * batch_counts  # (K,) f8
     sums = decay * sums + (1 - decay) * batch_sums  # (10-22), (K, 3) f8
     total = np.repeat(np.add.reduceat(counts, starts), sizes)  # n of each stage, beside each of its codewords
+    # Laplace smoothing: no count is 0 for a stage that is used
     smoothed = (counts + smoothing) / (total + np.repeat(sizes, sizes) * smoothing) * total
     codebook = np.where(
         smoothed[:, None] > 0, sums / np.where(smoothed > 0, smoothed, 1)[:, None], codebooks

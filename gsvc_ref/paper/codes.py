@@ -66,7 +66,7 @@ NO_QUANTIZER: Final = Quantizer(np.zeros(3, np.float32), np.zeros(3, np.float32)
 class SplatBlock:
     """The codes of `count` splats, values (intra) or differences (inter); None stands for "not present"."""
 
-    positions: U2 | None = None  # (count, 2) binary16 patterns of x, y normalized to -1..1, or of their differences
+    positions: U2 | None = None  # (count, 2) binary16 patterns of x, y normalised to -1..1, or of their differences
     cholesky: U2 | None = None  # (count, 3) codes of l11, l21, l22, each below 2^`cholesky_bits`
     colors: U2 | None = None  # (count, stages) `color_index` of each stage
     quantizer: Quantizer | None = None  # None: the kept one

@@ -72,7 +72,7 @@ def from_range(x: ArrayLike, bits: int) -> LsqParameters:
 
 
 def from_mse(x: ArrayLike, bits: int, weights: ArrayLike | None = None) -> LsqParameters:
-    """Scale and offset with a small mean squared quantization error in each channel of x (N, C), N >= 1.
+    """Scale and offset with a small mean squared quantisation error in each channel of x (N, C), N >= 1.
 
     From 16 clipping ranges (4 fractions of the weight at either end), the codes and the least-squares scale and
     offset for these codes are found in turn; the best result wins. The first range is that of `from_range`, so the
@@ -122,8 +122,8 @@ def _sums_by_code(x: F8, sums: F8, scale: F8, offset: F8, p: int) -> F8:
 
 def _squared_error(parts: F8, scale: F8, offset: F8, p: int) -> F8:
     count, first, second = parts
-    level = offset[:, None] + np.arange(p + 1) * scale[:, None]
-    return np.asarray((second - 2 * level * first + level * level * count).sum(axis=1))
+    value = offset[:, None] + np.arange(p + 1) * scale[:, None]
+    return np.asarray((second - 2 * value * first + value * value * count).sum(axis=1))
 
 
 def _least_squares(parts: F8, scale: F8, offset: F8, p: int) -> tuple[F8, F8]:

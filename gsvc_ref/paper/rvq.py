@@ -87,7 +87,7 @@ def codeword_sum(color_indices: Indices, codebook_sizes: I8, codewords: F4) -> F
     values = np.full((len(color_indices), 3), -0.0, np.float32)  # -0 + x is x, to the sign of a zero
     firsts = np.cumsum(codebook_sizes) - codebook_sizes
     for stage, first in enumerate(firsts.tolist()):
-        _add_codewords(color_indices, stage, codewords[first:], values)
+        _add_codewords(color_indices, stage, codewords[first:], values)  # one binary32 addition for each stage
     return values
 
 

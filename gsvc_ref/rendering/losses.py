@@ -36,6 +36,11 @@ def loss(picture: ArrayLike, target: ArrayLike) -> Loss:
     target
         (H, W, 3) f4, R'G'B'.
 
+    Returns
+    -------
+    Loss
+        `loss`, and `residual` (H, W, 3) f4.
+
     Raises
     ------
     UsageError

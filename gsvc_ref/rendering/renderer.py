@@ -132,9 +132,23 @@ def render_sum(
     precision: Precision = "fast",
     threads: int | None = None,
 ) -> NDArray[np.float32] | NDArray[np.float64]:
-    """The same as `render` before the clamp: (H, W, 3), f8 for ``exact`` and f4 for the others.
+    """The sum C of (9-2) or (9-6): `render` before the clamp.
 
-    The parameters are splats, or an array (N, 8) f4 of theirs.
+    Parameters
+    ----------
+    parameters
+        The splats, or their parameters (N, 8) f4; positions and Cholesky factors in pixels of this frame.
+    width, height, precision, threads
+        As for `render`.
+
+    Returns
+    -------
+    (H, W, 3) with 1.0 = full scale, f8 for ``exact`` and f4 for the others.
+
+    Raises
+    ------
+    UsageError
+        As for `render`.
     """
     splats, renderer = Splats.of(parameters), Renderer(width, height, precision=precision, threads=threads)
     if precision == "exact":
@@ -147,7 +161,22 @@ def render_sum(
 def render_sum_deterministic(
     parameters: Splats | ArrayLike, width: int, height: int, *, threads: int | None = None
 ) -> NDArray[np.float32]:
-    """What `render_sum` returns for precision ``deterministic``: (H, W, 3) f4 (R-9.3-1)."""
+    """What `render_sum` returns for precision ``deterministic`` (R-9.3-1).
+
+    Parameters
+    ----------
+    parameters, width, height, threads
+        As for `render_sum`.
+
+    Returns
+    -------
+    (H, W, 3) f4 with 1.0 = full scale, with the same bits on every machine.
+
+    Raises
+    ------
+    UsageError
+        As for `render`.
+    """
     return Renderer(width, height, precision="deterministic", threads=threads).picture(
         Splats.of(parameters), clamp=False
     )
@@ -164,9 +193,23 @@ def render_frame(
     precision: Precision = "fast",
     threads: int | None = None,
 ) -> NDArray[Any]:
-    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass: (H, W, 3) u1 for 8 bits, else u2.
+    """The same bits as ``to_frame(render(...), bit_depth)`` in one pass (R-9.1-1).
 
-    The parameters are splats, or an array (N, 8) f4 of theirs.
+    Parameters
+    ----------
+    parameters, width, height, precision, threads
+        As for `render_sum`.
+    bit_depth
+        8 to 16.
+
+    Returns
+    -------
+    (H, W, 3) u1 for 8 bits, else u2.
+
+    Raises
+    ------
+    UsageError
+        As for `render`, or the bit depth is outside its limits.
     """
     return Renderer(width, height, precision=precision, threads=threads).frame(Splats.of(parameters), bit_depth)
 

@@ -80,12 +80,13 @@ class ChunkDecoder:
     ) -> None:
         """Read all that precedes the first frame; a level above `max_level` is refused (R-5-6).
 
-        `layer` is the quality that is decoded; None: the highest.
+        `layer` is the highest layer that is decoded; None: all.
         """
         self.source = source
         self._trace = trace
         m = SourceReader(source, trace, end_rule="R-6.1-1")
         chunks.magic(m)
+        # A stream that ends inside the magic number breaks another rule than one that ends after it.
         s = SourceReader(source, trace)
         version_minor = chunks.version(s)
         chunk_bit = s.position
@@ -104,10 +105,10 @@ class ChunkDecoder:
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
         self._profile = profile_of(self.header)
         state, begin = self._profile.initial(self.header), s.position // 8
-        quality = self.header.layer_count - 1 if layer is None else layer
-        layers = Layers(quality) if quality > 0 and self.header.profile == MAIN else None
+        highest = self.header.layer_count - 1 if layer is None else layer
+        layers = Layers(highest) if highest > 0 and self.header.profile == MAIN else None
         pace = Pace() if self.header.paced_flag else None
-        # the first chunk after the sequence header
+        # The first chunk after the sequence header.
         self.first = Place(begin, state, frame_end=begin, pace=pace, layers=layers)
 
     def longest_payload(self, chunk_type: int) -> int:
@@ -150,7 +151,7 @@ class ChunkDecoder:
             layers = None
             if place.layers is not None:
                 assert isinstance(state, MainState)
-                layers = place.layers.behind(frame_type, state)
+                layers = place.layers.after(frame_type, state)
             after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
@@ -268,16 +269,16 @@ class ChunkDecoder:
         layers = place.layers
         if layers is None or not layers.takes_chunks:
             return False
-        if layers.last >= min(layers.highest, self.header.layer_count - 1):
+        if layers.last >= min(layers.highest, self.header.layer_count - 1):  # a greater layer cannot follow
             return False
         with self.source.lock:
             self.source.seek(place.offset)
-            following = self.source.peek()
+            following = self.source.peek()  # one byte, so that a frame is not kept back until the next chunk is whole
         return following is not None and chunks.is_ancillary(following)
 
     def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
         """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""
-        if place.pace is None or place.pace.next_number != place.next_number:
+        if place.pace is None or place.pace.next_number != place.next_number:  # after seeking, or a gap
             return None
         pace = place.pace.after(self.header, frame_type, splats, work, end - place.frame_end)
         if (fault := pace.fault(self.header)) is not None:

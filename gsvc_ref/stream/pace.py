@@ -24,7 +24,7 @@ class Pace:
         `size` is the bytes of its chunk and of the ancillary chunks directly before it.
         """
         begins = self.next_number % header.frames_of_second == 0
-        used = NOTHING if begins else self.used
+        used = NOTHING if begins else self.used  # a second is k frames, counted from frame 0
         return Pace(
             self.next_number + 1,
             Level(

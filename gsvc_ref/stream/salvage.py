@@ -138,12 +138,13 @@ class Salvage:
 
     def _decoded(self, head: _Head) -> DecodedChunk | None:
         """The whole chunk here, if decoding can go on with it; else its fault is noted, unless the gap explains it."""
-        behind = self._place_behind_gap(head)
-        if self._gap is not None and behind is None and head.chunk_type in P_AND_R:
+        after_gap = self._place_after_gap(head)
+        # What a P- or R-frame is predicted from may be missing: the gap explains why it cannot be decoded.
+        if self._gap is not None and after_gap is None and head.chunk_type in P_AND_R:
             if head.frame_number is not None:
                 self._gap.note_sound(head.frame_number)
             return None
-        places = [behind or self._place]
+        places = [after_gap or self._place]
         if self._gap is None and places[0] is not self._place:
             places.insert(0, self._place)  # this will fail, and opens the gap
         for place in places:
@@ -151,15 +152,15 @@ class Salvage:
                 return self._decoder.decode(place)
             except GsvcError as fault:
                 self._note(fault)
-                if fault.rule in OF_A_SECOND:
+                if fault.rule in OF_A_SECOND:  # too fast, but whole: it is decoded without a pace
                     return self._decoder.decode(replace(place, pace=None))
         return None
 
-    def _place_behind_gap(self, head: _Head) -> Place | None:
+    def _place_after_gap(self, head: _Head) -> Place | None:
         """The place of the chunk here, if frames may be missing before it; None if decoding cannot go on with it."""
         place, due = self._place, self._place.next_number
         if head.chunk_type == chunks.I_TYPE:
-            if head.frame_number is None or head.frame_number < due:
+            if head.frame_number is None or head.frame_number < due:  # an old frame, or a copy
                 return None
             return place if head.frame_number == due else replace(place, next_number=head.frame_number)
         if head.chunk_type in P_AND_R:
@@ -174,14 +175,16 @@ class Salvage:
         """Skip the whole chunk here; after a second sequence header, the whole stream that it begins."""
         if head.chunk_type in chunks.FRAMES:
             old = head.frame_number is not None and head.frame_number < self._place.next_number
-            self._state_lost |= not old
+            self._state_lost |= not old  # a frame that was skipped may have changed the splats
         elif head.chunk_type not in chunks.CRITICAL and not chunks.is_ancillary(head.chunk_type):
+            # An unknown critical chunk may be a frame of a later version.
             self._state_lost = True
         end = self._place.offset + head.size
+        # H begins another stream
         self._skip_to(self._end_of_stream(end) if head.chunk_type == chunks.HEADER_TYPE else end)
 
     def _end_of_stream(self, offset: int) -> int:
-        """Behind the next end chunk, or the end of the file."""
+        """The offset after the next end chunk, or the end of the file."""
         while offset < self._whole.end:
             size = self._whole.size_at(offset)
             if size is None:

@@ -52,7 +52,7 @@ def find_frame(decoder: ChunkDecoder, number: int) -> Place:
             i_frame = here if chunk_type == chunks.I_TYPE else None
         if i_frame is not None:
             place = replace(i_frame, index_length=0, pace=None)  # the sums of a second are not known
-        here = after
+        here = after  # frames up to `number` may lie in the next window
     return place
 
 

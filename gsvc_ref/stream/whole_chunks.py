@@ -48,11 +48,11 @@ def _first_whole(
     """Offset and size of the first whole chunk that begins in first..stop-1; -1 and 0 if there is none."""
     for at in range(first, stop):
         end = payload_end(data, at, longest)
-        if end < 0 or end + CRC_SIZE > len(data):
+        if end < 0 or end + CRC_SIZE > len(data):  # most bytes fail by type or length, at no cost
             continue
         stated = 0
         for byte in range(CRC_SIZE):
-            stated |= int(data[end + byte]) << (8 * byte)
+            stated |= int(data[end + byte]) << (8 * byte)  # little-endian
         if stated == crc32c_of_part(data, kept, at, end, zero_tables):
             return at, end + CRC_SIZE - at
     return -1, 0

@@ -208,7 +208,7 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
 # twin of spec.reconstruct_layers
 @door
 def reconstruct_layers(stream: bytes, layer: int) -> StreamSplats:
-    """The splats of all complete frames of a stream in the quality of a layer, and its first fault (section 15.13).
+    """The splats of all complete frames of a stream up to a layer, and its first fault (section 15.13).
 
     Parameters
     ----------
@@ -290,5 +290,21 @@ def decode_stream(stream: bytes) -> Array:
 
 # twin of spec.decode_stream_deterministic
 def decode_stream_deterministic(stream: bytes) -> Array:
-    """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1)."""
+    """The frames of a stream as `decode_stream` has them, rendered deterministically (R-9.3-1).
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+
+    Returns
+    -------
+    NDArray
+        (T, H, W, 3) u1 for 8 bits, else u2, with the same bits on every machine.
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md.
+    """
     return np.stack(list(decode(stream, precision="deterministic", layer=0)))

@@ -98,7 +98,7 @@ class StreamWriter:
         self.state = self._profile.initial(header)  # of a decoder after the frames so far
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
-        # of the last frame, for a decoder of the highest quality
+        # Those of the last frame, for a decoder of all layers.
         self.layers = Layers(header.layer_count - 1) if header.layer_count > 1 else None
         self.bits: Counter[str] = Counter()  # written, by category (`categories_of` the profile)
         self.offset = 0  # bytes written
@@ -134,6 +134,7 @@ class StreamWriter:
             frame_head(p, self.header, number, number, checksum)
             prepared.write(p)
 
+        # The whole chunk is made, and all limits are checked, before a byte is written.
         s, payload_bits = self._chunk(ord(codes.type), content)
         size = offset + len(s.getvalue()) - self._frame_end
         pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
@@ -150,7 +151,7 @@ class StreamWriter:
         self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
         if self.layers is not None:
             assert isinstance(state, MainState)
-            self.layers = self.layers.behind(codes.type, state)
+            self.layers = self.layers.after(codes.type, state)
         spent = {category: bits[category] for category in self._categories if bits[category]}
         size = self.offset - offset
         return DecodedFrame(number, codes.type, codes, state.splats, spent, offset, size, state)
@@ -252,7 +253,7 @@ class StreamWriter:
         if not self.goes_back:
             return
         self.header = replace(self.header, frame_count=self.frame_count)
-        if self.header == self._written:
+        if self.header == self._written:  # the file is not touched
             return
         p, s = self._make_writer(0), self._make_writer(8 * self._header_offset)
         sequence_header(p, self.header)

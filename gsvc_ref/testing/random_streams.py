@@ -107,7 +107,7 @@ def make_stream(
 ) -> Stream:
     """A legal stream with anything that the syntax allows, and all of `wishes`.
 
-    Any mix of frame types, plane modes, kept quantizers and codebooks; any number of lanes; with and without index,
+    Any mix of frame types, plane modes, kept quantisers and codebooks; any number of lanes; with and without index,
     parameter checksums, a frame count in the header, ancillary chunks, and header elements of a later minor version;
     paced where it keeps the limits of a second. What is wished is drawn like all else, and then replaced: so the rest
     stays what it was. A UsageError says that no legal stream has what is wished.

@@ -165,7 +165,7 @@ def videos(
 ) -> tuple[list[Frame], int]:
     """Small videos: frames (H, W, 3) of one size, u1 for 8 bits and u2 for 9 to 16; and their bit depth.
 
-    Most have one to four drawn colors, which shrink to black and to one; others are noise. Some move by a pixel a
+    Most have one to four drawn colours, which shrink to black and to one; others are noise. Some move by a pixel a
     frame. The bit depths are 8, 10, 12 and 16 if None.
     """
     bit_depth = draw(st.sampled_from((8, 10, 12, 16)) if bit_depths is None else bit_depths)

@@ -77,7 +77,7 @@ def _filter(rows: I2, step: int, filtered: U1) -> None:
             for x in range(width):
                 left, above, corner = int(rows[y + 1, x]), int(rows[y, x + step]), int(rows[y, x])
                 residual = (int(rows[y + 1, x + step]) - _predict(kind, left, above, corner)) & 255
-                residual_sum += min(residual, 256 - residual)
+                residual_sum += min(residual, 256 - residual)  # its magnitude as a signed byte
             if residual_sum < best_sum:
                 best_kind, best_sum = kind, residual_sum
         filtered[y, 0] = best_kind
@@ -206,7 +206,7 @@ def _color(chunks: dict[bytes, bytes], name: str) -> ColorDescription:
 def decode_png(data: bytes, name: str) -> PngImage:
     """Decode a PNG.
 
-    A GsvcError is ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since the color
+    A GsvcError is ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since the colour
     under it would be a guess.
     """
     chunks = _chunks(data, name)

@@ -83,7 +83,7 @@ def _vendor_color(name: str, text: str) -> ColorDescription:
 def parse_header(line: bytes, name: str) -> Header:
     """Parse the first line of a stream, without its newline.
 
-    A GsvcError is ``malformed``, ``unsupported`` (a color space) or ``limit`` (the size).
+    A GsvcError is ``malformed``, ``unsupported`` (a colour space) or ``limit`` (the size).
     """
     first, *words = line.split(b" ")
     if first != Y4M_SIGNATURE:

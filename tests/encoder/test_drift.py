@@ -75,7 +75,7 @@ def before_the_cut(count):
 def test_p_frames_do_not_sink():
     clip = before_the_cut(18)
     settings = Settings.quick(threads=1, splats=150, key_frames=len(clip))
-    sinking = replace(settings, main_inter=replace(settings.main_inter, fall=200.0))
+    sinking = replace(settings, inter=replace(settings.inter, fall=200.0))
     free, sunk = encoded(clip, sinking)
     held, data = encoded(clip, settings)
     assert fallen(free) > 2

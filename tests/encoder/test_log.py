@@ -8,12 +8,13 @@ from io import BytesIO
 
 import numpy as np
 import pytest
-from codec_cases import encoded, paper_fast, waves
+from codec_cases import encoded, flat, paper_fast, waves
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gsvc_base.errors import UsageError
 from gsvc_ref import open as open_stream
+from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import EFFECT_NAMES, Effects
 from gsvc_ref.encoder.log import (
     LOG_SIGNATURE,
@@ -214,3 +215,13 @@ def test_a_frame_has_one_decision_about_each_effect_the_last_one_made():
 
 def test_percentages_are_at_least_one():
     assert [percent(fraction) for fraction in (1e-9, 0.004, 0.375, 1)] == ["1 %", "1 %", "38 %", "100 %"]
+
+
+@pytest.mark.parametrize("settings", [Settings.quick(splats=4), Settings.quick(profile="paper", splats=4)])
+def test_a_repeated_frame_saves_the_iterations_of_a_p_frame_of_its_profile(settings):
+    report, _ = encoded(flat(90, 16, 12, frames=4), replace(settings, threads=1))
+    saved = [{one.effect: one for one in frame.decisions}["frames"].saved for frame in report.frames]
+    inter = settings.inter
+    steps = inter.evaluations if settings.profile == "main" else inter.fit.iterations + inter.tune.iterations
+    assert [frame.type for frame in report.frames] == ["I", "R", "R", "R"]
+    assert saved == [0, steps, steps, steps]

@@ -84,7 +84,7 @@ def test_settings_of_profile_paper_are_refused_in_main(override):
 
 @pytest.mark.parametrize(
     "override",
-    [{"quality": 30}, {"main_intra": IntraSettings.slow()}, {"main_inter": InterSettings.slow()}],
+    [{"quality": 30}, {"layers": (30.0, 34.0)}, {"layer_splats": (20, 40)}],
 )
 def test_settings_of_profile_main_are_refused_in_paper(override):
     (name,) = override
@@ -92,14 +92,29 @@ def test_settings_of_profile_main_are_refused_in_paper(override):
         with pytest.raises(UsageError, match=f"^{name} is a setting of profile main"):
             preset(**override)
     assert Settings.quick(**override) == replace(Settings.quick(), **override)
-    with pytest.raises(UsageError, match="quality is a setting of profile main"):
-        Settings.quick(quality=30).with_(profile="paper")
+
+
+def test_settings_of_frames_are_those_of_the_profile():
+    assert Settings.quick(intra=IntraSettings.slow(), inter=InterSettings.slow()) != Settings.quick()
+    with pytest.raises(UsageError, match=r"PaperSettings\.intra is .*; it must be a FrameSettings"):
+        paper_quick(intra=IntraSettings.slow())
+    with pytest.raises(UsageError, match=r"MainSettings\.inter is .*; it must be a InterSettings"):
+        Settings.quick(inter=paper_quick().inter)
+
+
+def test_no_settings_change_their_profile():
+    for settings, other in ((Settings.quick(), "paper"), (Settings.paper(), "main")):
+        assert settings.with_(profile=settings.profile) == settings
+        with pytest.raises(UsageError, match=rf"of profile {settings.profile}: make others, such as Settings.quick"):
+            settings.with_(profile=other)
 
 
 def test_presets_and_profiles_that_go_together():
     for preset, profile in ((Settings.quick, "main"), (Settings.slow, "main"), (Settings.paper, "paper")):
         assert preset().profile == profile == preset(profile=profile).profile
-    assert paper_quick().intra == Settings.quick().intra
+    assert paper_quick().detection == Settings.quick().detection
+    with pytest.raises(UsageError, match="profile is 'other'; it must be 'main' or 'paper'"):
+        Settings.quick(profile="other")
     assert paper_quick(effects="all").effects == Settings.paper().effects
     with pytest.raises(UsageError, match="preset slow writes profile main only; of profile paper are quick and paper"):
         Settings.slow(profile="paper")
@@ -123,8 +138,10 @@ def test_settings_are_frozen():
 
 @pytest.mark.parametrize("name", ["splat", "iteration", "bits", "preset", "Psnr"])
 def test_unknown_names_are_refused_with_the_known_ones(name):
-    with pytest.raises(UsageError, match=f"unknown settings {name}.*splats.*iterations.*color_codewords"):
+    with pytest.raises(UsageError, match=f"unknown settings {name}.*splats.*quality"):
         Settings.quick(**{name: 3})
+    with pytest.raises(UsageError, match=f"unknown settings {name}.*splats.*iterations.*color_codewords"):
+        Settings.paper(**{name: 3})
 
 
 @pytest.mark.parametrize(

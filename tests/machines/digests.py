@@ -113,7 +113,7 @@ def encoding_of_main() -> str:
 
     intra = IntraSettings(initialization=4, refinement=3, rounding=1)
     inter = InterSettings(motion_steps=1, motion_rounds=1, iterations=3, rounded_iterations=2)
-    return encoding((12, 9), splats=6, profile="main", main_intra=intra, main_inter=inter)
+    return encoding((12, 9), splats=6, profile="main", intra=intra, inter=inter)
 
 
 def encoding(size: tuple[int, int], **settings: Any) -> str:

@@ -8,9 +8,9 @@ from gsvc_lab.bench.bd_rate import rate_at
 from gsvc_lab.bench.coders import MAIN
 from gsvc_lab.bench.measure import Curve, gsvc_point
 from gsvc_lab.bench.planes import PlanarClip
-from gsvc_ref.encoder import Settings
+from gsvc_ref.encoder.settings import MainSettings
 
-WRITTEN: Final = "layer_splats" in {field.name for field in fields(Settings)}
+WRITTEN: Final = "layer_splats" in {field.name for field in fields(MainSettings)}
 """Whether this encoder writes layers."""
 
 COUNT: Final = 3

@@ -3,7 +3,7 @@
 What is asked for decides N and D, the splats and the step of a frame:
 
 - At constant rate, an I-frame has N splats, and `quantizer_for` says which D goes with them.
-- With `Settings.quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
+- With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
@@ -40,7 +40,7 @@ from gsvc_ref.encoder.main.inter import PFrame, encode_inter
 from gsvc_ref.encoder.main.intra import encode_intra, intra_evaluations, splats_for
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.settings import MAX_SPLATS, Settings
+from gsvc_ref.encoder.settings import MAX_SPLATS, MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
@@ -76,7 +76,7 @@ class MainFrameEncoder:
     """Encodes frames in order; `corrects_drift` lets D become finer where P-frames sink, at constant rate."""
 
     def __init__(
-        self, settings: Settings, width: int, height: int, bit_depth: int, *, corrects_drift: bool = True
+        self, settings: MainSettings, width: int, height: int, bit_depth: int, *, corrects_drift: bool = True
     ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
@@ -84,7 +84,7 @@ class MainFrameEncoder:
         self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
-        self.inter = settings.main_inter  # with the effects that are switched on
+        self.inter = settings.inter  # with the effects that are switched on
         if settings.effects.motion == "off":
             self.inter = replace(self.inter, cells=())
         if settings.effects.gsa == "off":
@@ -102,7 +102,7 @@ class MainFrameEncoder:
         # so that what they stand on goes where they will go.
         self.below, self.above = Splats.empty(), Splats.empty()
         self.corrects_drift = corrects_drift and settings.psnr is None and settings.quality is None
-        self._drift = Drift(settings.main_inter.fall, 0)
+        self._drift = Drift(settings.inter.fall, 0)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -149,7 +149,7 @@ class MainFrameEncoder:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
             self.intra_psnr = result.psnr
-            self._drift = Drift(self.settings.main_inter.fall, self.quantizer)
+            self._drift = Drift(self.settings.inter.fall, self.quantizer)
         elif result.codes.type == "P" and self.corrects_drift:
             self._drift = self._drift.after(result.psnr)
             self.quantizer = self._drift.following(self.quantizer)
@@ -175,7 +175,7 @@ class _FrameWork:
     def target(self) -> Target:
         """What the splats of an I-frame are fitted to."""
         settings = self.settings
-        watch = self._watch(intra_evaluations(settings.main_intra))
+        watch = self._watch(intra_evaluations(settings.intra))
         return Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
 
     def repeated(self, why: str | None = None) -> EncodedFrame:
@@ -198,7 +198,7 @@ class _FrameWork:
                 quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
                 if quantizer is not None and settings.splats is None:
                     encoder.total = splats_for(
-                        self.target, quantizer, self._rng(), settings.main_intra, encoder.total, encoder.most
+                        self.target, quantizer, self._rng(), settings.intra, encoder.total, encoder.most
                     )
                 coded = self._searched(encoder.total, quantizer)
         if settings.psnr is not None:
@@ -231,7 +231,7 @@ class _FrameWork:
 
     def _searched(self, splats: int, quantizer: int | None) -> _Coded:
         """An I-frame of about this number of splats."""
-        return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.main_intra))
+        return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.intra))
 
     def _rng(self) -> np.random.Generator:
         """Randomness of the frame: each try begins with the same draws."""
@@ -277,7 +277,7 @@ class _FrameWork:
             above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
         splats = len(encoder.state.values) + len(beside)
-        watch = self._watch(settings.main_inter.evaluations)
+        watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         frame = PFrame(
             encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total, encoder.field

@@ -17,7 +17,7 @@ from gsvc_base.arrays import Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
@@ -27,7 +27,7 @@ from gsvc_ref.paper import FrameType
 class LayeredFrameEncoder:
     """Encodes frames with their layers in order."""
 
-    def __init__(self, settings: Settings, width: int, height: int, bit_depth: int) -> None:
+    def __init__(self, settings: MainSettings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
         self.parts = [  # of the base and each layer above it; the D of P-frames is that of all layers together
             MainFrameEncoder(one, width, height, bit_depth, corrects_drift=False) for one in settings.of_layers()

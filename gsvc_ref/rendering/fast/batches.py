@@ -78,7 +78,7 @@ def gather_batch(t: int, skipped: int, height: int, bins: Bins, batch: Batch) ->
     for i in range(count):
         n = bins.intersections[first + i, 0]
         splat = bins.projected[n]
-        rows = row_range(splat, t, height)
+        rows = row_range(splat, t, height)  # in this tile, fewer than in the box around the splat
         batch.rows[i, 0] = rows[0]
         batch.rows[i, 1] = rows[1]
         batch.rows[i, INDEX] = bins.intersections[first + i, 1]

@@ -30,7 +30,7 @@ def exp_minus_half(m: np.float32) -> np.float32:
     one more multiplication; the last step is Horner's, so that p, near 1, is rounded only once.
     """
     t = m * m
-    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE
+    p = ((K5 * t + (K4 * m + K3)) * t + (K2 * m + K1)) * m + ONE  # Estrin up to K2, then Horner
     h = p * p
     q = h * h
     return q * q

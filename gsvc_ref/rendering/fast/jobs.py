@@ -124,6 +124,7 @@ def run_task(task: int, tasks: int, buffers: Buffers, bins: Bins, regions: Regio
                 read_tile(job.picture, t, buffers.tile)
             else:
                 render_tile(buffers, t, bins, batch, count, regions, job)
+            # The tile holds C now, and e = dL/dC times H W / 2 after this: 2 / (H W) comes with the gradients.
             if job.kind == LOSS or job.kind == LOSS_AND_GRADIENTS:
                 lanes = min(TILE_WIDTH, job.width - t * TILE_WIDTH)
                 job.losses[t] = subtract_target(buffers.tile, job.target[t], job.height, lanes, squares)

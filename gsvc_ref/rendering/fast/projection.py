@@ -101,7 +101,7 @@ def row_range(splat: Any, t: int, height: int) -> tuple[int, int]:
     right = min((t * TILE_WIDTH + TILE_WIDTH - 0.5 - x) / l11, ELLIPSE)
     low = min(max(tip, left), right)
     high = min(max(-tip, left), right)
-    margin = ROW_MARGIN * (abs(l21) + l22)
+    margin = ROW_MARGIN * (abs(l21) + l22)  # for a decision in binary32
     bottom = y + l21 * low + l22 * math.sqrt(max(ELLIPSE * ELLIPSE - low * low, 0.0)) + margin
     top = y + l21 * high - l22 * math.sqrt(max(ELLIPSE * ELLIPSE - high * high, 0.0)) - margin
     first = max(np.ceil(top - 0.5), 0.0)

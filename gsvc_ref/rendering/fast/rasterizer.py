@@ -43,6 +43,7 @@ class Rasterizer:
         """Room for the moments of every intersection: (intersections or more, MOMENTS) f4, made when asked for."""
         total = self.binning.intersection_count
         if total > len(self._moments):
+            # With room to grow: the number changes from step to step.
             self._moments = aligned((total + total // 4, MOMENTS))
         return self._moments
 
@@ -52,7 +53,7 @@ class Rasterizer:
             self.buffers = [buffers.keeping() for buffers in self.buffers]
         tasks = 1 if self.threads == 1 else TASKS_PER_THREAD * self.threads
         for bins in self.binning.windows():
-            free = list(self.buffers)
+            free = list(self.buffers)  # `append` and `pop` are atomic: a task takes the buffers of no other
             run_tasks(partial(self._run_task, tasks, free, bins, regions, job), tasks, self.threads)
 
     def _run_task(self, tasks: int, free: list[Buffers], bins: Bins, regions: Regions, job: Job, task: int) -> None:

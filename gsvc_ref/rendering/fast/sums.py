@@ -87,6 +87,7 @@ def add_weighed(tile: F4, weights: F4, first: int, end: int, splat: Any) -> None
     red, green, blue = splat[RED], splat[GREEN], splat[BLUE]
     rows = tile[first * ROW :]
     for i in range(0, end - first, GROUP_ROWS):
+        # Lanes outside, rows inside: LLVM makes a vector of the lanes, and the rows hide latency.
         for k in range(TILE_WIDTH):
             for j in range(GROUP_ROWS):
                 g, place = weights[at(i + j, k)], (i + j) * CHANNELS
@@ -179,7 +180,7 @@ def fold_lanes(lane_sums: F4, column: np.float32, splat: Any, S: F4) -> None:
     for k in range(HALF_TILE):
         u1_left = ((column + LANES[k]) - x) * r1
         u1_right = ((column + LANES[HALF_TILE + k]) - x) * r1
-        # both read before QU1 and QU1U1, which share their places, are written
+        # Both are read before QU1 and QU1U1, which share their places, are written.
         q_left, q_right = lane_sums[Q + k], lane_sums[Q + HALF_TILE + k]
         qu2_left, qu2_right = lane_sums[QU2 + k], lane_sums[QU2 + HALF_TILE + k]
         # Where nothing is covered u1 may be infinite, and 0 * infinity is no sum.
@@ -222,7 +223,7 @@ def add_batch(buffers: Buffers, t: int, top: int, end: int, batch: Batch, count:
         if keep and used + size <= buffers.kept.size:
             weights = buffers.kept[used:]
             batch.rows[i, KEPT_AT] = used
-            used += size
+            used += size  # with the spare rows, which the backward loop reads, too
         if strict:
             weigh(weights, column, first, last, splat, strict)
             add_weighed(tile, weights, first, last, splat)

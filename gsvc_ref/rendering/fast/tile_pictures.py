@@ -70,7 +70,7 @@ def write_picture(tile: F4, t: int, top: int, end: int, picture: F4, clamp: bool
     last = min(first + ROW, picture.shape[1])
     for y in range(top, end):
         row, pixels = tile[y * ROW : (y + 1) * ROW], picture[y, first:last]
-        if clamp and last - first == ROW:
+        if clamp and last - first == ROW:  # a full tile: the loop has a constant bound
             _interleave_clamped(row, pixels, TILE_WIDTH)
         elif clamp:
             _interleave_clamped(row, pixels, (last - first) // CHANNELS)
