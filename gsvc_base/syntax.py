@@ -172,9 +172,9 @@ def _structures(part: _Part, rules: Json) -> Iterator[Json]:
             continue
         described = {name: heading for heading in part.texts for name in _names(heading)}
         table = [
-            {key: value for key, value in told.items() if value is not None}
+            {key: value for key, value in entry.items() if value is not None}
             for element in _elements(rows[1:])
-            for told in (element | _description(element["name"], head[1], described, part, rules),)
+            for entry in (element | _description(element["name"], head[1], described, part, rules),)
         ]
         for rule, about in rules.items():
             if about["section"] == part.section and about["text"].startswith("Each element "):

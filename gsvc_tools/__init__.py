@@ -4,7 +4,7 @@ gsvc_ref has what a decoder, the paper's training, or one readable encoder needs
 here: `editing` joins and cuts streams, `writing` makes one of splats that were found elsewhere, `splat_files` has
 splats in files of other formats, `viewing` is the server of ``gsvc view``, `video` reads and writes video files beyond
 y4m and pictures, `jobs` encodes on many processors, and so that an encode can be resumed, `targets` encodes to a bit
-rate, a size or a mean quality, and `libvmaf` measures VMAF. With gsvc_tools installed, gsvc_ref has the functions
+rate, a size or a mean PSNR, and `libvmaf` measures VMAF. With gsvc_tools installed, gsvc_ref has the functions
 ``concat``, ``cut`` and ``write``, its ``encode`` takes jobs, resume and targets, and ``gsvc`` has the commands
 ``view``, ``concat``, ``cut``, ``import`` and ``export`` and all options of ``encode``.
 

@@ -89,13 +89,13 @@ class Computed:
         order = np.argsort(keys, kind="stable")
         number = (self.number * exact(often))[order].totals(keys[order], count)
         shape = (count, *self.error.shape[1:])
-        error, magnitude, step = np.zeros(shape), np.zeros(shape), np.ones(shape)
+        error, magnitude, last_place = np.zeros(shape), np.zeros(shape), np.ones(shape)
         np.add.at(error, keys, self.error * often)
         np.add.at(magnitude, keys, (abs(self.value) + self.error) * often)
-        np.minimum.at(step, keys, _last_place(self.value))
+        np.minimum.at(last_place, keys, _last_place(self.value))
         terms = np.bincount(keys, repeated, count).reshape(-1, *ones)
-        # Every partial sum of so few steps is a binary32 number.
-        all_exact = (error == 0) & (magnitude < 2.0**24 * step) & (step >= ETA)
+        # Every partial sum of so few of them is a binary32 number.
+        all_exact = (error == 0) & (magnitude < 2.0**24 * last_place) & (last_place >= ETA)
         own = gamma(additions(terms, rows, columns)) * magnitude + terms * ETA  # (13-17)
         return Computed(number, np.where(all_exact, error, error + own))
 

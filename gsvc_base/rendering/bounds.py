@@ -67,12 +67,12 @@ def gamma(k: ArrayLike) -> F8:
 def additions(terms: ArrayLike, rows: int = 0, columns: int = 0) -> F8:
     """The maximum number of additions D(n, r, c) that one of n terms of a sum takes part in, spec.md (13-4).
 
-    Two levels of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of r rows
+    Two stages of about sqrt(n) terms, such as threads and blocks, and 64 for what is added in pairs; a sum of r rows
     and c columns of pixels may also go by rows and then columns.
     """
     n = np.asarray(terms, np.float64)
-    levels = np.maximum(2 * np.ceil(np.sqrt(n)), rows + columns)
-    return np.asarray(np.maximum(np.minimum(n - 1, levels + 64), 0))
+    additions_of_stages = np.maximum(2 * np.ceil(np.sqrt(n)), rows + columns)
+    return np.asarray(np.maximum(np.minimum(n - 1, additions_of_stages + 64), 0))
 
 
 def coverage_margin(splat: F8) -> int:

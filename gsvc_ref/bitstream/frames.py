@@ -40,9 +40,9 @@ def frame(
 
     `given` is the frame that a Writer writes; its blocks must fit `state`.
     """
-    told = given or FrameElements(frame_number, None, NO_FRAME_CODES)
-    head = frame_head(s, header, frame_number, told.frame_number, told.parameter_checksum)
-    return FrameElements(*head, frame_codes(s, header, state, frame_type, told.codes))
+    elements = given or FrameElements(frame_number, None, NO_FRAME_CODES)
+    head = frame_head(s, header, frame_number, elements.frame_number, elements.parameter_checksum)
+    return FrameElements(*head, frame_codes(s, header, state, frame_type, elements.codes))
 
 
 def frame_head(

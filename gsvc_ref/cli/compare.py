@@ -104,7 +104,7 @@ def run(arguments: Namespace) -> int:
 def open_side(
     name: str, frames: tuple[int, int | None], precision: "Precision", layer: int | None = None
 ) -> Iterator[Side]:
-    """Open a video or a GSVC stream, in the quality of a layer, to read a half-open range of its frames."""
+    """Open a video or a GSVC stream, up to a layer, to read a half-open range of its frames."""
     start, stop = frames
     if name != STDIO and holds_stream(name):
         import gsvc_ref

@@ -75,8 +75,8 @@ def decision_lines(decisions: "Decisions") -> list[str]:
     runs: list[str] = []
     for column in zip(*decisions, strict=True):
         effect, done = column[0].effect, sum(one.done for one in column)
-        steps, saved = (sum(getattr(one, name) for one in column) for name in ("iterations", "saved"))
-        rows.append([effect, f"{done:,}", f"{len(column) - done:,}", f"{steps:,}", f"{saved:,}", _usual(column)])
+        iterations, saved = (sum(getattr(one, name) for one in column) for name in ("iterations", "saved"))
+        rows.append([effect, f"{done:,}", f"{len(column) - done:,}", f"{iterations:,}", f"{saved:,}", _usual(column)])
         found = list(_runs(column))
         more = len(found) - MAX_RUNS
         runs += [f"  {effect}", *(str(run) for run in found[:MAX_RUNS])]

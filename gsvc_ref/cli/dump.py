@@ -166,14 +166,14 @@ def entry_object(entry: "Entry") -> dict[str, Any]:
     from gsvc_base.syntax import rules_of
 
     value = entry.value
-    told = {
+    described = {
         "bit": entry.bit, "bits": entry.bits, "element": entry.full_name, "name": entry.name, "index": entry.first,
         "part_of": entry.of or None, "block": entry.block or None, "chunk": entry.chunk or None, "frame": entry.frame,
         "rules": rules_of(entry.syntax) if entry.syntax else [],
     }  # fmt: skip
     if hasattr(value, "dtype"):
-        return told | {"count": entry.count, "minimum": _least(value), "maximum": _greatest(value)}
-    return told | {"value": value.hex() if isinstance(value, bytes) else value}
+        return described | {"count": entry.count, "minimum": _least(value), "maximum": _greatest(value)}
+    return described | {"value": value.hex() if isinstance(value, bytes) else value}
 
 
 def description_object(entry: "Entry") -> dict[str, Any]:
@@ -254,11 +254,11 @@ def fault_lines(fault: GsvcError, at_fault: "Entry | None") -> list[str]:
     from gsvc_base.syntax import syntax
 
     lines = [f"fault: {fault}"]
-    told = description_lines(at_fault) if at_fault else []
+    description = description_lines(at_fault) if at_fault else []
     if at_fault is not None:
         lines.append(f"  {'instead of' if at_fault.value is None else 'at'} {at_fault.full_name}")
-        lines += [f"  {line}" for line in told]
+        lines += [f"  {line}" for line in description]
     rule = syntax()["rules"].get(fault.rule)
-    if rule is not None and not any(line.startswith(f"{fault.rule} ") for line in told):
+    if rule is not None and not any(line.startswith(f"{fault.rule} ") for line in description):
         lines.append(f"  {fault.rule}  {rule['text'].replace('`', '')}")
     return lines

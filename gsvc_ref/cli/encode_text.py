@@ -75,13 +75,13 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
     if not display.active:
         return None
     done, kept = 0.0, 0
-    side_by_side, step = False, ""
+    side_by_side, pass_name = False, ""
     left, groups_left = TimeLeft(), GroupsTimeLeft()
 
     def show(progress: "Progress") -> None:
-        nonlocal done, kept, side_by_side, step, left, groups_left
-        if progress.step != step:  # another pass
-            step, done, side_by_side = progress.step, 0.0, False
+        nonlocal done, kept, side_by_side, pass_name, left, groups_left
+        if progress.step != pass_name:  # another pass
+            pass_name, done, side_by_side = progress.step, 0.0, False
             left, groups_left = TimeLeft(), GroupsTimeLeft()
         if progress.stage == "groups":
             side_by_side, done = True, progress.frame + 1
@@ -89,7 +89,7 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
             seconds = groups_left.update(progress.frame + 1 - progress.kept, progress.elapsed_s, rest)
             work = f"{plural(progress.iteration, 'group')} of pictures in work"
             text = f"{progress.frame + 1}{_of_all(progress)} frames  {work}{_pace(progress, groups_left.rate)}"
-            display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds, guess=False)
+            display.update(_with_pass(pass_name, text), done, progress.frame_count, left_s=seconds, guess=False)
             return
         if side_by_side:  # it reads ahead
             return
@@ -98,7 +98,7 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
             done = max(done, progress.frame + share)
         elif progress.stage == "fit":
             done = max(done, progress.frame + share * FIT_SHARE)
-        elif progress.stage == "quantize":  # once or, with a quality to hold, again and again
+        elif progress.stage == "quantize":  # once or, with a PSNR to reach, several times
             done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
         seconds = None
         if progress.kept != kept:  # this frame took no time, and the next one that does begins a group
@@ -106,11 +106,11 @@ def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] |
         elif progress.stage != "detect":
             part = max(0.0, done - progress.frame)
             seconds = left.update(progress.frame, part, progress.elapsed_s, progress.frame_count)
-        quality = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
-        steps = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
-        stage = f"{STAGES.get(progress.stage, progress.stage)}{steps}{quality}"
+        psnr = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
+        iterations = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
+        stage = f"{STAGES.get(progress.stage, progress.stage)}{iterations}{psnr}"
         text = f"frame {progress.frame + 1}{_of_all(progress)}  {stage}{_pace(progress, left.rate)}"
-        display.update(_with_step(step, text), done, progress.frame_count, left_s=seconds, guess=False)
+        display.update(_with_pass(pass_name, text), done, progress.frame_count, left_s=seconds, guess=False)
 
     return show
 
@@ -124,8 +124,8 @@ def _pace(progress: "Progress", rate: float) -> str:
     return f"  {rate:.3g} frames/s" if progress.frame_count is None and rate else ""
 
 
-def _with_step(step: str, text: str) -> str:
-    return f"{step}: {text}" if step else text
+def _with_pass(pass_name: str, text: str) -> str:
+    return f"{pass_name}: {text}" if pass_name else text
 
 
 def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
@@ -157,7 +157,7 @@ def is_one_group(report: "EncodeReport") -> bool:
 
 
 def layer_lines(report: "EncodeReport") -> list[str]:
-    """A line for the base and for each layer: its rate, and the quality with it."""
+    """A line for the base and for each layer: its rate, and the PSNR with it."""
     count = report.header.layer_count
     if count == 1:
         return []
@@ -166,9 +166,9 @@ def layer_lines(report: "EncodeReport") -> list[str]:
         parts = [frame.layers[layer] for frame in report.frames]
         bits = sum(sum(part.bits.values()) for part in parts)
         rate = float(bits * report.header.frame_rate / len(parts) / 1000)
-        quality = sum(part.psnr for part in parts) / len(parts)
+        psnr = sum(part.psnr for part in parts) / len(parts)
         name = f"layer {layer}" if layer else "base"
-        lines.append(f"  {name}: {rate:.1f} kbit/s, mean PSNR {decibel(quality, 'infinite')}")
+        lines.append(f"  {name}: {rate:.1f} kbit/s, mean PSNR {decibel(psnr, 'infinite')}")
     return lines
 
 

@@ -114,7 +114,7 @@ def holds_stream(name: str) -> bool:
 def open_stream(name: str, *, salvage: bool = False, max_level: int = 5, layer: int | None = None) -> "Stream":
     """Open a GSVC stream of a level up to `max_level`, or standard input, which is read as it comes.
 
-    `layer` is the quality that is decoded; None: the highest. The message of an error names the file and says what to
+    `layer` is the highest layer that is decoded; None: all. The message of an error names the file and says what to
     do.
     """
     import gsvc_ref

@@ -96,7 +96,7 @@ def magnitude_distributions(density: Density) -> Distributions:
 
 @kernel()
 def _distributions(bins: I8, edges: I8, centres: I8, scale_code: int, unit_bits: int, family: I8) -> Distributions:
-    """The distributions of densities of so many bins each, by their inner edges, one behind the other, and centres."""
+    """The distributions of densities of so many bins each, by their inner edges, one after the other, and centres."""
     first = np.zeros(len(bins) + 1, np.int64)
     for row in range(len(bins)):
         first[row + 1] = first[row] + bins[row] + 1

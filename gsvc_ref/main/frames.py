@@ -115,7 +115,7 @@ def frame_body(
 
 
 def _check_shapes(given: MainCodes, before: MainState) -> None:
-    """Refuse codes of another number of splats or cells than a frame behind `before` has."""
+    """Refuse codes of another number of splats or cells than a frame after `before` has."""
     count, intra = len(before.values), len(given.new)
     side = SIDES[given.motion_cell] if 0 <= given.motion_cell < len(SIDES) else 0
     rows, columns = field_shape(before.width, before.height, side) if side else (0, 0)
@@ -144,22 +144,22 @@ def _tools(
     s: Coder, frame_type: FrameType, before: MainState, lane_count: int, most_splats: int, given: MainCodes | None
 ) -> tuple[MainCodes, int]:
     """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
-    told = given or MainCodes(type=frame_type)
+    source = given or MainCodes(type=frame_type)
     with s.part("frame_header"):
-        quantizer = s.le("quantizer", 1, told.quantizer)
+        quantizer = s.le("quantizer", 1, source.quantizer)
         if quantizer >= QUANTIZERS:
             s.fail("R-3.2-1", f"`quantizer` is {quantizer}; values above {QUANTIZERS - 1} are reserved")
-        lane_exponent = s.u("lane_exponent", 3, told.lane_exponent)
+        lane_exponent = s.u("lane_exponent", 3, source.lane_exponent)
         if 1 << lane_exponent > lane_count:
             s.fail("R-15.5-1", f"`lane_exponent` is {lane_exponent}; the stream has {lane_count} lanes at most")
-        motion_cell = s.u("motion_cell", 2, told.motion_cell)
+        motion_cell = s.u("motion_cell", 2, source.motion_cell)
         if motion_cell and not len(before.values):
             s.fail("R-15.5-2", "there is a motion field, and no splat of a frame before that it could move")
-        present = s.u("densities_present", 1, int(told.densities is not None))
+        present = s.u("densities_present", 1, int(source.densities is not None))
         present_bit = s.element_bit
         if (reserved := s.u("frame_reserved", 2)) != 0:
             s.fail("R-3.2-1", f"`frame_reserved` is {reserved}; it is reserved and must be 0")
-        count = s.uv("splat_count" if frame_type == "I" else "new_splat_count", len(told.new))
+        count = s.uv("splat_count" if frame_type == "I" else "new_splat_count", len(source.new))
     if count + len(before.values) > most_splats:
         s.fail("R-5-2", f"a frame may get {count + len(before.values)} splats; the level allows {most_splats}")
     if (present and not count) or (frame_type == "I" and count and not present):
@@ -167,24 +167,24 @@ def _tools(
         s.fail("R-15.5-3", f"the frame has {'' if present else 'no '}densities, {what}", bit=present_bit)
     if count and not present and before.densities is None:
         s.fail("R-15.5-4", "new splats need densities, and none are kept since the last I-frame", bit=present_bit)
-    densities = _densities(s, before, told.densities) if present else None
+    densities = _densities(s, before, source.densities) if present else None
     return MainCodes(quantizer, lane_exponent, densities, motion_cell=motion_cell, type=frame_type), count
 
 
 def _densities(s: Coder, before: MainState, given: Densities | None) -> Densities:
     """densities() of spec.md section 15.7."""
     halvings = halving_count(before.width, before.height)
-    told = given or Densities((Density(),) * len(PLANES), (0,) * halvings)
+    source = given or Densities((Density(),) * len(PLANES), (0,) * halvings)
     planes = []
     with s.part("densities"):
-        for plane, density in zip(PLANES, told.planes, strict=True):
+        for plane, density in zip(PLANES, source.planes, strict=True):
             with s.part("densities", plane):
                 family = s.u("density_family", 1, density.family)
                 scale_code = s.u("scale_code", 5, density.scale_code)
                 centre = s.u("centre", 10, density.centre + 512) - 512
                 slope = s.u("slope", 8, density.slope + 128) - 128 if plane in SLOPED else 0
             planes.append(Density(family, scale_code, centre, slope))
-        halving_codes = tuple(s.u("halving_code", 3, code) for code in told.halving_codes)
+        halving_codes = tuple(s.u("halving_code", 3, code) for code in source.halving_codes)
         s.align()
     return Densities(tuple(planes), halving_codes)
 
@@ -192,7 +192,7 @@ def _densities(s: Coder, before: MainState, given: Densities | None) -> Densitie
 def _read_run(
     s: Coder, before: MainState, codes: MainCodes, count: int
 ) -> tuple[MainState, MainCodes, dict[str, float]]:
-    """The run of a frame that has symbols: the state behind it, its codes, and the code lengths of its parts."""
+    """The run of a frame that has symbols: the state after it, its codes, and the code lengths of its parts."""
     lanes, size, state = _lanes(s, codes.lane_exponent), (before.width, before.height), before
     try:
         if len(before.values):
@@ -210,10 +210,10 @@ def _read_run(
 
 def _lengths(lanes: Lanes) -> dict[str, float]:
     """The code lengths in bits of the parts of a run, in the order of its passes."""
-    behind = dict(zip(RUN_PARTS, lanes.spent_after.tolist(), strict=True))
-    read = [part for part in PARTS_IN_ORDER if behind[part]]
-    before = [0, *(behind[part] for part in read)]
-    return {part: (behind[part] - start) / LENGTH_UNIT for part, start in zip(read, before, strict=False)}
+    ends = dict(zip(RUN_PARTS, lanes.spent_after.tolist(), strict=True))
+    read = [part for part in PARTS_IN_ORDER if ends[part]]
+    before = [0, *(ends[part] for part in read)]
+    return {part: (ends[part] - start) / LENGTH_UNIT for part, start in zip(read, before, strict=False)}
 
 
 def _lanes(s: Coder, lane_exponent: int) -> Lanes:
@@ -254,7 +254,7 @@ def code_run(
 
 
 def _with_new(state: MainState, codes: MainCodes, new: IntraCodes, values: I8) -> tuple[MainState, MainCodes]:
-    """State and codes of a frame with the splats of an I-frame, or new ones, behind those that stay."""
+    """State and codes of a frame with the splats of an I-frame, or new ones, after those that stay."""
     past = np.full(len(values), 0 if codes.type == "I" else 2, np.int64)
     if len(state.values):
         values, past = np.concatenate([state.values, values]), np.concatenate([state.past, past])
@@ -292,8 +292,8 @@ def code_intra(
     shapes = np.empty((count, 3), np.int64)
     for column, plane in enumerate(PLANES[3:]):
         with run.part(plane):
-            told = None if given is None else given.shapes[:, column]
-            shapes[:, column] = code_windowed(run, windows_of(plane, densities.of(plane)), j, told)
+            values = None if given is None else given.shapes[:, column]
+            shapes[:, column] = code_windowed(run, windows_of(plane, densities.of(plane)), j, values)
     sizes = place_bits(shapes, j)
     with run.part("place"):
         places = [run.raw_bits(sizes[:, i], None if given is None else given.places[:, i]) for i in range(2)]
@@ -332,15 +332,15 @@ def code_differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I
     q = np.zeros((len(modes), 8), np.int64)
     for bit, (group, first, end) in enumerate(GROUPS):
         changed = np.flatnonzero((modes != REMOVED) & (modes >> bit & 1 == 1))
-        told = None if given is None else given[changed, first:end]
+        values = None if given is None else given[changed, first:end]
         before, magnitudes = np.zeros(len(changed), np.int64), []
         with run.part(group):
             for i in range(end - first):
                 contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
                 sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the mode says that not all are 0
-                wanted = None if told is None else np.abs(told[:, i]) - sure
-                magnitudes.append(models.code_magnitudes(run, group, contexts, wanted) + sure)
+                rest = None if values is None else np.abs(values[:, i]) - sure
+                magnitudes.append(models.code_magnitudes(run, group, contexts, rest) + sure)
                 before = before + magnitudes[-1]
             for i, magnitude in enumerate(magnitudes):
-                q[changed, first + i] = run.signs(magnitude, None if told is None else told[:, i])
+                q[changed, first + i] = run.signs(magnitude, None if values is None else values[:, i])
     return q

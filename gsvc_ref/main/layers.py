@@ -52,17 +52,17 @@ class Layers:
     highest
         The highest layer that is wanted, at least 1.
     base
-        The state of the base behind the frame; None in front of the first frame.
+        The state of the base after the frame; None before the first frame.
     there
-        The layers that the frame shows, each with its state behind it.
+        The layers that the frame shows, each with its state after it.
     before
         The states that they are predicted from.
     last
-        The layer of the last chunk behind the frame, skipped ones included; 0: there was none.
+        The layer of the last chunk after the frame, skipped ones included; 0: there was none.
     lost
         Layers that damage has taken: their chunks are skipped up to an `I`. For salvage alone.
     closed
-        Whether chunks behind the frame are skipped, since they may belong to a frame that is lost. For salvage alone.
+        Whether chunks after the frame are skipped, since they may belong to a frame that is lost. For salvage alone.
     """
 
     highest: int
@@ -73,24 +73,24 @@ class Layers:
     lost: frozenset[int] = frozenset()
     closed: bool = False
 
-    def behind(self, frame_type: FrameType, base: MainState) -> "Layers":
-        """The layers directly behind a frame of the base, whose state then is `base` (R-15.13-2)."""
+    def after(self, frame_type: FrameType, base: MainState) -> "Layers":
+        """The layers directly after a frame of the base, whose state then is `base` (R-15.13-2)."""
         before = {} if frame_type == "I" else self.there
         there = before if frame_type == "R" else {}
         lost = frozenset[int]() if frame_type == "I" else self.lost
         return Layers(self.highest, base, there, before, lost=lost)
 
     def interrupted(self) -> "Layers":
-        """The layers behind a damaged part of the stream: those that the frame had before it stay, the others are lost.
+        """The layers after a damaged part of the stream: those that the frame had before it stay, the others are lost.
 
-        Which frame a chunk behind the damage belongs to is unknown until there is one.
+        Which frame a chunk after the damage belongs to is unknown until there is one.
         """
         own = {layer: state for layer, state in self.there.items() if layer <= self.last}
         lost = frozenset(layer for layer in range(1, self.highest + 1) if layer not in own)
         return replace(self, there=own, before={}, lost=lost, closed=True)
 
     def with_layer(self, layer: int, state: MainState) -> "Layers":
-        """With the state of a layer behind its chunk."""
+        """With the state of a layer after its chunk."""
         there = dict(sorted([*((n, s) for n, s in self.there.items() if n != layer), (layer, state)]))
         return replace(self, there=there, last=layer, lost=self.lost - {layer})
 
@@ -101,7 +101,7 @@ class Layers:
 
     @property
     def splats(self) -> Splats:
-        """The splats of the frame: those of the base, and behind them those of the layers in their order."""
+        """The splats of the frame: those of the base, and after them those of the layers in their order."""
         assert self.base is not None
         splats = self.base.splats
         for state in self.there.values():
@@ -128,13 +128,13 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
     header
         The sequence header.
     layers
-        The layers behind the chunk before.
+        The layers after the chunk before.
     given
         What a Writer writes.
     """
-    told = given or LayerHead(0, "I")
+    head = given or LayerHead(0, "I")
     with s.part("frame_header"):
-        layer = s.le("layer", 1, told.layer)
+        layer = s.le("layer", 1, head.layer)
         if not layers.last < layer < header.layer_count:
             s.fail(
                 "R-15.13-1",
@@ -142,7 +142,7 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
             )
         if layer > layers.highest:
             return LayerHead(layer, None)
-        code = s.le("layer_type", 1, ord(told.type or "R"))
+        code = s.le("layer_type", 1, ord(head.type or "R"))
         if code not in LAYER_TYPES:
             s.fail("R-3.2-1", f"`layer_type` is {code}; it must be one of I, P and R in ASCII")
         layer_type = cast(FrameType, chr(code))
@@ -153,7 +153,7 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
     if not header.parameter_checksum_flag:
         return LayerHead(layer, layer_type)
     with s.part("checksums"):
-        checksum = s.le("parameter_checksum", 4, told.checksum or 0)
+        checksum = s.le("parameter_checksum", 4, head.checksum or 0)
     return LayerHead(layer, layer_type, checksum, s.element_bit)
 
 
@@ -188,9 +188,9 @@ def joined_origins(
     base
         The codes of the frame.
     chunks
-        Those of the layers that have a chunk behind it.
+        Those of the layers that have a chunk after it.
     layers, before
-        The layers behind this frame and behind the one before.
+        The layers after this frame and after the one before.
 
     Returns
     -------

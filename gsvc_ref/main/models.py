@@ -104,7 +104,7 @@ def distributions(counts: I8) -> Distributions:
 
 @kernel()
 def _distributions(counts: I8, symbols: I8) -> Distributions:
-    """The distributions of contexts of so many symbols each (15-14)."""
+    """The distributions of contexts with that many symbols each (15-14)."""
     first = np.zeros(len(counts) + 1, np.int64)
     for context in range(len(counts)):
         first[context + 1] = first[context] + symbols[context] + 1

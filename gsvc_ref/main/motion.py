@@ -20,7 +20,7 @@ OUTSIDE: Final = 9
 
 
 def field_shape(width: int, height: int, side: int) -> tuple[int, int]:
-    """Rows and columns of the field of a frame with cells of so many pixels."""
+    """Rows and columns of the field of a frame with cells of that many pixels."""
     return -(-height // side), -(-width // side)
 
 
@@ -123,7 +123,7 @@ def field_unrest(field: I8) -> I8:
             for right in range(2):
                 j1, i1 = j + 1 - right, i + right
                 if j1 < rows and i1 < columns:
-                    step = abs(field[j, i, 0] - field[j1, i1, 0]) + abs(field[j, i, 1] - field[j1, i1, 1])
-                    unrest[j, i] = max(unrest[j, i], step)
-                    unrest[j1, i1] = max(unrest[j1, i1], step)
+                    difference = abs(field[j, i, 0] - field[j1, i1, 0]) + abs(field[j, i, 1] - field[j1, i1, 1])
+                    unrest[j, i] = max(unrest[j, i], difference)
+                    unrest[j1, i1] = max(unrest[j1, i1], difference)
     return unrest

@@ -116,7 +116,7 @@ def model_frequencies(counts: ArrayLike) -> I8:
 # twin of spec.adapt_model
 @door
 def adapt_model(counts: ArrayLike, seen: ArrayLike) -> I8:
-    """The counts of a model behind a P-frame (15-11).
+    """The counts of a model after a P-frame (15-11).
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, TOTAL 
 
 
 class Distributions(NamedTuple):
-    """Cumulative frequencies of several distributions, one behind the other.
+    """Cumulative frequencies of several distributions, one after the other.
 
     Attributes
     ----------
@@ -98,7 +98,7 @@ class Run(ABC):
         """A pass of symbols of 2^sizes[i] values each, sizes at most 14; those of size 0 are left out."""
 
     def raw_bits(self, sizes: I8, values: I8 | None = None) -> I8:
-        """Values of so many raw bits each, below 2^28."""
+        """Values of the given numbers of raw bits, below 2^28."""
         lower = np.minimum(sizes, PRECISION)
         upper = sizes - lower
         if not upper.any():

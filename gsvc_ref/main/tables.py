@@ -19,7 +19,7 @@ QUANTIZERS: Final = 80
 
 
 _GUARD: Final = 128
-"""Bits behind the binary point with which the powers of EXP2 are found: no rounding of theirs is in doubt."""
+"""Bits after the binary point with which the powers of EXP2 are found: no rounding of theirs is in doubt."""
 
 
 def _nearest_exp2() -> Iterator[int]:
@@ -34,11 +34,11 @@ def _nearest_exp2() -> Iterator[int]:
 
 
 EXP2: Final[I8] = np.array([*_nearest_exp2()], np.int64)
-"""2^(i/1024) with 15 bits behind the binary point, (1024,)."""
+"""2^(i/1024) with 15 bits after the binary point, (1024,)."""
 
 
 def exp2(v: ArrayLike, bits: int) -> Any:
-    """2^(v/1024) with so many bits behind the binary point, rounded down (15-2); integers of any shape, |v| < 2^15."""
+    """2^(v/1024) with that many bits after the binary point, rounded down (15-2); integers of any shape, |v| < 2^15."""
     exponent = np.asarray(v, np.int64)
     shift = (exponent >> 10) - 15 + bits
     mantissa = EXP2[exponent & (OCTAVE - 1)]
@@ -56,7 +56,7 @@ def _distribution(lower: NDArray[np.int64]) -> I8:
 
 
 TAIL: Final[I8] = exp2(96 * (128 - np.arange(1, 129)), 15)
-"""2^(x log2 e) for x = 8 to 1/16 in sixteenths, with 15 bits behind the binary point: e^x of (15-3)."""
+"""2^(x log2 e) for x = 8 to 1/16 in sixteenths, with 15 bits after the binary point: e^x of (15-3)."""
 
 LOGISTIC: Final[I8] = _distribution(2**31 // (2**15 + TAIL))
 LAPLACE: Final[I8] = _distribution(2**30 // TAIL)

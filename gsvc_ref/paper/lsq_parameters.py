@@ -122,8 +122,8 @@ def _sums_by_code(x: F8, sums: F8, scale: F8, offset: F8, p: int) -> F8:
 
 def _squared_error(parts: F8, scale: F8, offset: F8, p: int) -> F8:
     count, first, second = parts
-    level = offset[:, None] + np.arange(p + 1) * scale[:, None]
-    return np.asarray((second - 2 * level * first + level * level * count).sum(axis=1))
+    value = offset[:, None] + np.arange(p + 1) * scale[:, None]
+    return np.asarray((second - 2 * value * first + value * value * count).sum(axis=1))
 
 
 def _least_squares(parts: F8, scale: F8, offset: F8, p: int) -> tuple[F8, F8]:

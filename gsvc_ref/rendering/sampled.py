@@ -35,11 +35,11 @@ class SampledObjective:
         high, wide = 1 / self._down, 1 / self._right
         self._scale = np.array([wide, high, wide, high, high, 1, 1, 1], np.float32)  # of x, y, l11, l21, l22, colours
         self._origins = [(y, x) for y in range(self._down) for x in range(self._right)]
-        behind = np.zeros((0, 8), np.float32) if background is None else np.asarray(background, np.float32)
+        background_splats = np.zeros((0, 8), np.float32) if background is None else np.asarray(background, np.float32)
         self._objectives = [
             Objective(
                 target[y :: self._down, x :: self._right], threads, precision=precision,
-                background=self._seen(behind, y, x),
+                background=self._on_lattice(background_splats, y, x),
             )
             for y, x in self._origins
         ]  # fmt: skip
@@ -50,14 +50,14 @@ class SampledObjective:
         `drawn` is that of `Objective.evaluate`; `quarter` then renders nothing.
         """
         turn %= len(self._objectives)
-        seen = self._seen(parameters, *self._origins[turn])
-        loss, gradient = self._objectives[turn].evaluate(seen, drawn=drawn)
+        moved = self._on_lattice(parameters, *self._origins[turn])
+        loss, gradient = self._objectives[turn].evaluate(moved, drawn=drawn)
         return loss, gradient * self._scale
 
     def hold(self, parameters: F4) -> None:
         """From now on splats (n, 8) f4 are in every picture, as in `Objective.hold`."""
         for objective, origin in zip(self._objectives, self._origins, strict=True):
-            objective.hold(self._seen(parameters, *origin))
+            objective.hold(self._on_lattice(parameters, *origin))
 
     def quarter(self) -> F4:
         """Every second pixel of every second row of the picture, (ceil(H / 2), ceil(W / 2), 3) f4, of turn 0.
@@ -66,11 +66,11 @@ class SampledObjective:
         """
         return self._objectives[0].picture()[:: 3 - self._down, :: 3 - self._right]
 
-    def _seen(self, parameters: F4, y: int, x: int) -> F4:
+    def _on_lattice(self, parameters: F4, y: int, x: int) -> F4:
         """The splats (N, 8) f4 on the picture of the lattice that begins with the pixel in row y and column x."""
-        seen = np.asarray(parameters, np.float32) * self._scale
+        moved = np.asarray(parameters, np.float32) * self._scale
         for column, origin in enumerate((x, y)):
             half = np.float32(0.5)
             # Centres of pixels are at .5, and the first of the lattice is that of `origin`.
-            seen[:, column] = (parameters[:, column] - (np.float32(origin) + half)) * self._scale[column] + half
-        return seen
+            moved[:, column] = (parameters[:, column] - (np.float32(origin) + half)) * self._scale[column] + half
+        return moved

@@ -80,7 +80,7 @@ class ChunkDecoder:
     ) -> None:
         """Read all that precedes the first frame; a level above `max_level` is refused (R-5-6).
 
-        `layer` is the quality that is decoded; None: the highest.
+        `layer` is the highest layer that is decoded; None: all.
         """
         self.source = source
         self._trace = trace
@@ -105,8 +105,8 @@ class ChunkDecoder:
         self.opening_bits = m.bits_by_category() + s.bits_by_category() + p.bits_by_category()
         self._profile = profile_of(self.header)
         state, begin = self._profile.initial(self.header), s.position // 8
-        quality = self.header.layer_count - 1 if layer is None else layer
-        layers = Layers(quality) if quality > 0 and self.header.profile == MAIN else None
+        highest = self.header.layer_count - 1 if layer is None else layer
+        layers = Layers(highest) if highest > 0 and self.header.profile == MAIN else None
         pace = Pace() if self.header.paced_flag else None
         # The first chunk after the sequence header.
         self.first = Place(begin, state, frame_end=begin, pace=pace, layers=layers)
@@ -151,7 +151,7 @@ class ChunkDecoder:
             layers = None
             if place.layers is not None:
                 assert isinstance(state, MainState)
-                layers = place.layers.behind(frame_type, state)
+                layers = place.layers.after(frame_type, state)
             after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)

@@ -48,14 +48,14 @@ class Stream:
     max_level
         Highest level that is decoded (spec.md section 5); a stream of a greater one is refused (R-5-6).
     layer
-        The quality in which frames are decoded, from 0, the base alone, to `header.layer_count` - 1; None: the highest.
+        The highest layer that is decoded, from 0, the base alone, to `header.layer_count` - 1; None: all.
 
     Attributes
     ----------
     header
         The sequence header.
     layer
-        The quality in which frames are decoded.
+        The highest layer that is decoded.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def decode(
         Salvage what is left of a damaged file: called with each gap, before the frame after it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
     max_level, layer
-        The highest level that is decoded, and the quality, as in `Stream`; an open Stream keeps its own.
+        The highest level and the highest layer that are decoded, as in `Stream`; an open Stream keeps its own.
 
     Yields
     ------

@@ -34,7 +34,7 @@ class StreamReader:
         *,
         trace: Callable[[Element], None] | None = None,  # gets each element, a chunk's type, length and checksum first
         max_level: int = HIGHEST_LEVEL,  # a stream of a higher one is refused (R-5-6)
-        layer: int | None = 0,  # the quality that is decoded, 0 (layers are skipped) to 3; None: the highest
+        layer: int | None = 0,  # the highest layer that is decoded, 0 (layers are skipped) to 3; None: all
     ) -> None:
         if max_level not in LEVELS:
             raise UsageError(f"max_level is {max_level}; it must be 1 to {HIGHEST_LEVEL}")

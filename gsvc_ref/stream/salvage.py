@@ -138,13 +138,13 @@ class Salvage:
 
     def _decoded(self, head: _Head) -> DecodedChunk | None:
         """The whole chunk here, if decoding can go on with it; else its fault is noted, unless the gap explains it."""
-        behind = self._place_behind_gap(head)
+        after_gap = self._place_after_gap(head)
         # What a P- or R-frame is predicted from may be missing: the gap explains why it cannot be decoded.
-        if self._gap is not None and behind is None and head.chunk_type in P_AND_R:
+        if self._gap is not None and after_gap is None and head.chunk_type in P_AND_R:
             if head.frame_number is not None:
                 self._gap.note_sound(head.frame_number)
             return None
-        places = [behind or self._place]
+        places = [after_gap or self._place]
         if self._gap is None and places[0] is not self._place:
             places.insert(0, self._place)  # this will fail, and opens the gap
         for place in places:
@@ -156,7 +156,7 @@ class Salvage:
                     return self._decoder.decode(replace(place, pace=None))
         return None
 
-    def _place_behind_gap(self, head: _Head) -> Place | None:
+    def _place_after_gap(self, head: _Head) -> Place | None:
         """The place of the chunk here, if frames may be missing before it; None if decoding cannot go on with it."""
         place, due = self._place, self._place.next_number
         if head.chunk_type == chunks.I_TYPE:

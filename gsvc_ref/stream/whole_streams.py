@@ -208,7 +208,7 @@ def reconstruct_stream(stream: bytes) -> StreamSplats:
 # twin of spec.reconstruct_layers
 @door
 def reconstruct_layers(stream: bytes, layer: int) -> StreamSplats:
-    """The splats of all complete frames of a stream in the quality of a layer, and its first fault (section 15.13).
+    """The splats of all complete frames of a stream up to a layer, and its first fault (section 15.13).
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ class StreamWriter:
         self.state = self._profile.initial(header)  # of a decoder after the frames so far
         self._pace = Pace()
         self._work = 0  # of the frame before, in pairs
-        # Those of the last frame, for a decoder of the highest quality.
+        # Those of the last frame, for a decoder of all layers.
         self.layers = Layers(header.layer_count - 1) if header.layer_count > 1 else None
         self.bits: Counter[str] = Counter()  # written, by category (`categories_of` the profile)
         self.offset = 0  # bytes written
@@ -151,7 +151,7 @@ class StreamWriter:
         self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
         if self.layers is not None:
             assert isinstance(state, MainState)
-            self.layers = self.layers.behind(codes.type, state)
+            self.layers = self.layers.after(codes.type, state)
         spent = {category: bits[category] for category in self._categories if bits[category]}
         size = self.offset - offset
         return DecodedFrame(number, codes.type, codes, state.splats, spent, offset, size, state)

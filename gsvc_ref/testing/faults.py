@@ -41,19 +41,19 @@ class Liar:
     """The state that the writers of one stream share: the lies, and how often each element has been written."""
 
     lies: Iterable[Lie]
-    seen: Counter[str] = field(default_factory=Counter)
-    told: set[Lie] = field(default_factory=set)
+    counts: Counter[str] = field(default_factory=Counter)
+    written: set[Lie] = field(default_factory=set)
 
-    def says(self, prefix: str, element: str, truth: Any) -> Any:
+    def value_of(self, prefix: str, element: str, truth: Any) -> Any:
         """The value to write for an element, whose full name begins with `prefix`."""
-        said = truth
+        out = truth
         for name in {element, prefix + element}:
             for lie in self.lies:
-                if lie.element == name and lie.occurrence == self.seen[name]:
-                    self.told.add(lie)
-                    said = lie.value(truth) if callable(lie.value) else lie.value
-            self.seen[name] += 1
-        return said
+                if lie.element == name and lie.occurrence == self.counts[name]:
+                    self.written.add(lie)
+                    out = lie.value(truth) if callable(lie.value) else lie.value
+            self.counts[name] += 1
+        return out
 
     def writer(self, first_bit: int) -> "FaultyWriter":
         """The Writer of a payload or chunk: a `make_writer` for `StreamWriter`."""
@@ -67,55 +67,53 @@ class FaultyWriter(Writer):
         super().__init__(first_bit)
         self._liar = liar
 
-    def _tell(self, name: str, truth: Any, write: Callable[[Any], object]) -> None:
-        said = self._liar.says(self._prefix, name, truth)
-        if isinstance(said, bytes) and not isinstance(truth, bytes):
-            said = "".join(f"{byte:08b}" for byte in said)
-        if isinstance(said, str):
-            for bit in said:
+    def _emit(self, name: str, truth: Any, write: Callable[[Any], object]) -> None:
+        out = self._liar.value_of(self._prefix, name, truth)
+        if isinstance(out, bytes) and not isinstance(truth, bytes):
+            out = "".join(f"{byte:08b}" for byte in out)
+        if isinstance(out, str):
+            for bit in out:
                 super().u(name, 1, int(bit))
         else:
-            write(said)
+            write(out)
 
     def u(self, name: str, size: int, value: int = 0) -> int:
         """`u(size)`."""
-        self._tell(name, value, lambda said: super(FaultyWriter, self).u(name, size, said))
+        self._emit(name, value, lambda out: super(FaultyWriter, self).u(name, size, out))
         return value
 
     def le(self, name: str, size: int, value: int = 0) -> int:
         """`le(size)`."""
-        self._tell(name, value, lambda said: super(FaultyWriter, self).le(name, size, said))
+        self._emit(name, value, lambda out: super(FaultyWriter, self).le(name, size, out))
         return value
 
     def uv(self, name: str, value: int = 0) -> int:
         """`uv`."""
-        self._tell(name, value, lambda said: super(FaultyWriter, self).uv(name, said))
+        self._emit(name, value, lambda out: super(FaultyWriter, self).uv(name, out))
         return value
 
     def raw(self, name: str, size: int, value: bytes = b"", *, counted: bool = True) -> bytes:
         """A run of bytes."""
-        self._tell(name, value, lambda said: super(FaultyWriter, self).raw(name, len(said), said, counted=counted))
+        self._emit(name, value, lambda out: super(FaultyWriter, self).raw(name, len(out), out, counted=counted))
         return value
 
     def fixed(self, name: str, count: int, size: int, values: U2 | None = None) -> U2:
         """A run of `u(size)`."""
         assert values is not None
-        self._tell(name, values, lambda said: super(FaultyWriter, self).fixed(name, len(said), size, np.asarray(said)))
+        self._emit(name, values, lambda out: super(FaultyWriter, self).fixed(name, len(out), size, np.asarray(out)))
         return values
 
     def golombs(self, name: str, count: int, order: int, values: I8 | None = None) -> I8:
         """A run of `eg(order)`."""
         assert values is not None
-        self._tell(
-            name, values, lambda said: super(FaultyWriter, self).golombs(name, len(said), order, np.asarray(said))
-        )
+        self._emit(name, values, lambda out: super(FaultyWriter, self).golombs(name, len(out), order, np.asarray(out)))
         return values
 
     def pairs(self, names: tuple[str, str], count: int, values: U4 | None = None) -> Iterator[U4]:
         """A run of pairs of `uv`; the lie is about the first name."""
         assert values is not None
-        self._tell(
-            names[0], values, lambda said: list(super(FaultyWriter, self).pairs(names, len(said), np.asarray(said)))
+        self._emit(
+            names[0], values, lambda out: list(super(FaultyWriter, self).pairs(names, len(out), np.asarray(out)))
         )
         yield values
 
@@ -123,10 +121,10 @@ class FaultyWriter(Writer):
         """A run of `le(2)`, `le(4)`, `f16` or `f32`."""
         assert values is not None
 
-        def write(said: Any) -> None:
-            super(FaultyWriter, self).array(name, len(said), dtype, np.asarray(said, dtype))
+        def write(out: Any) -> None:
+            super(FaultyWriter, self).array(name, len(out), dtype, np.asarray(out, dtype))
 
-        self._tell(name, values, write)
+        self._emit(name, values, write)
         return values
 
 
@@ -157,9 +155,9 @@ def write_stream(
         for layer, layer_codes in (layers or {}).get(number, ()):
             writer.write_layer(layer, layer_codes)
     writer.finish()
-    untold = [lie for lie in lies if lie not in liar.told]
-    if untold:
-        raise UsageError(f"never told, since the stream has no such element: {untold}")
+    missing = [lie for lie in lies if lie not in liar.written]
+    if missing:
+        raise UsageError(f"never written, since the stream has no such element: {missing}")
     return target.getvalue()
 
 

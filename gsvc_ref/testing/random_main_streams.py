@@ -78,18 +78,18 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
     codes: list[MainCodes] = []
     splats: list[Splats] = []
     layers: dict[int, list[tuple[int, MainCodes]]] = {}
-    behind = Layers(header.layer_count - 1)
+    layers_now = Layers(header.layer_count - 1)
     for number in range(choices.integer(1, max_frames)):
         frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
         codes.append(frame)
         splats.append(state.splats)
-        behind = behind.behind(frame.type, state)
+        layers_now = layers_now.after(frame.type, state)
         layers[number] = []
         for layer in range(1, header.layer_count):
-            room = ANY_SIZE_SPLATS - behind.others(layer) - len(behind.start_of(layer, header).values)
+            room = ANY_SIZE_SPLATS - layers_now.others(layer) - len(layers_now.start_of(layer, header).values)
             if room >= 0 and choices.integer(0, 3) > 0:
-                found, behind = make_layer(choices, header, behind, layer, max_count=max_count)
-                layers[number].append((layer, found))
+                layer_codes, layers_now = make_layer(choices, header, layers_now, layer, max_count=max_count)
+                layers[number].append((layer, layer_codes))
     header = replace(header, frame_count=len(codes))
     data = write_stream(header, codes, index=choices.boolean(), layers=layers)
     return Stream(data, header, codes, splats, layers)
@@ -108,10 +108,12 @@ def make_layer(
 def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
     """A legal sequence header of profile `main`; all elements but the size take their whole range."""
     paper = make_header(choices, max_pixels=max_pixels)
-    kept = {name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"}
+    common = {
+        name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"
+    }
     own = {"profile": MAIN, "layer_count": choices.integer(1, 4)}
     checksums: dict[str, Any] = {"parameter_checksum_flag": paper.parameter_checksum_flag}
-    return SequenceHeader(**kept | own | checksums)
+    return SequenceHeader(**common | own | checksums)
 
 
 def make_main_frame(

@@ -55,8 +55,8 @@ class Y4mReader(VideoReader):
         shapes = header.format.plane_shapes[: 1 if header.mono else 3]
         self._mono = header.mono
         self._frame_bytes = sum(rows * columns for rows, columns in shapes) * header.format.dtype.itemsize
-        step = len(b"FRAME\n") + self._frame_bytes
-        frames, rest = divmod(size - len(line), step) if size is not None else (0, 1)
+        frame_size = len(b"FRAME\n") + self._frame_bytes
+        frames, rest = divmod(size - len(line), frame_size) if size is not None else (0, 1)
         self.format = replace(header.format, frame_count=None if rest else frames)
 
     def _read(self) -> Iterator[Frame]:

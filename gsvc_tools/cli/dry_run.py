@@ -48,7 +48,7 @@ def lines(name: str, found: "Estimate", settings: "Settings") -> list[str]:
         f"  time       {_with_range(found.seconds, duration)}, on this machine as busy as it is",
         f"  size       {_with_range(found.file_bytes, lambda size: f'{_rounded(size):,}')} bytes",
         f"  bits/pixel {_with_range(found.bits_per_pixel, lambda bits: f'{bits:.3g}')}",
-        f"  mean PSNR  {_with_range(found.mean_psnr, lambda quality: f'{quality:.1f}')} dB",
+        f"  mean PSNR  {_with_range(found.mean_psnr, lambda psnr: f'{psnr:.1f}')} dB",
         f"  splats     {found.splats:,} in an I-frame; level {found.level}",
     ]
 

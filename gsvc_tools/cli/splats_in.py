@@ -205,8 +205,8 @@ def _flattened(files: list[Path], arguments: Namespace, lost: list[str]) -> Iter
 
 def _quantised(report: "EncodeReport") -> str:
     worst = min(report.frames, key=lambda frame: frame.psnr)
-    quality = decibel(worst.psnr, "no difference in a pixel")
-    return f"what quantisers round: frame {worst.number}, the worst, has {quality} against the splats that were given"
+    psnr = decibel(worst.psnr, "no difference in a pixel")
+    return f"what quantisers round: frame {worst.number}, the worst, has {psnr} against the splats that were given"
 
 
 def summary(output: str, report: "EncodeReport") -> str:

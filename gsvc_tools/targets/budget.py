@@ -37,12 +37,12 @@ SLACK: Final = 0.1
 GROUP_TRIES: Final = 5
 """The most values that are tried for an I-frame, or for the last P-frame."""
 
-STEP_SLOPE: Final = 0.145
-"""log2 of the bits of a P-frame that a D an eighth of an octave finer gains: measured with 8 frames, 128x96, of the
-scenes ``pan`` and ``water`` with 160 and 640 splats."""
+QUANTIZER_SLOPE: Final = 0.145
+"""log2 of the bits that a P-frame gains by the next finer quantiser: measured with 8 frames, 128x96, of the scenes
+``pan`` and ``water`` with 160 and 640 splats."""
 
-MOST_STEPS: Final = 16
-"""By how many eighths of an octave the D of a P-frame may differ from that of its I-frame, two octaves."""
+MAX_QUANTIZER_CHANGE: Final = 16
+"""The maximum difference between the quantisers of a P-frame and its I-frame, two octaves of D."""
 
 MOST_OCTAVES: Final = 0.15
 """Profile `paper`: the same of the number of splats."""
@@ -94,7 +94,7 @@ class BudgetCoder:
         self._video, self._plans, self._most = video, plans, most
         self._plan: GroupPlan | None = None
         self._place = self._base = 0
-        self._spent = self._seen = self._expected = 0.0
+        self._bits = self._decayed_bits = self._decayed_plan = 0.0
 
     @property
     def settings(self) -> Settings:
@@ -151,24 +151,24 @@ class BudgetCoder:
             encoded, bits = self._inter(plan, place, *args)
         else:
             encoded, bits = self._encode(*args)
-        self._spent += bits
+        self._bits += bits
         return encoded
 
     def _begin(self, plan: GroupPlan) -> None:
         self._plan, self._place = plan, 0
-        self._spent = self._seen = self._expected = 0.0
+        self._bits = self._decayed_bits = self._decayed_plan = 0.0
 
     def _intra(self, plan: GroupPlan, *frame: Any) -> tuple[EncodedFrame, float]:
         """An I-frame."""
-        wanted = plan.bits * plan.frame_bits[0] / total(plan.frame_bits)
-        room = max(CLOSE_SIZE * plan.bits, SLACK * (plan.bits - wanted))
+        goal = plan.bits * plan.frame_bits[0] / total(plan.frame_bits)
+        room = max(CLOSE_SIZE * plan.bits, SLACK * (plan.bits - goal))
 
         def with_splats(octave: float) -> float:
             self._coder.total = min(max(1, round(_power_of_two(octave))), self._most)
             return float(log2(self._coder.total))
 
         first = float(log2(plan.splats))
-        encoded, bits, _ = self._tried(frame, wanted, room, with_splats, first, USUAL.intra, GROUP_TRIES)
+        encoded, bits, _ = self._nearest(frame, goal, room, with_splats, first, USUAL.intra, GROUP_TRIES)
         self._base = self._coder.quantizer if isinstance(self._coder, MainFrameEncoder) else self._coder.total
         return encoded, bits
 
@@ -176,32 +176,32 @@ class BudgetCoder:
         """A P-frame, as much finer or coarser as what is left for the group asks for."""
         rest = plan.frame_bits[place:]
         usual = 2 * total(plan.frame_bits) / len(plan.frame_bits)  # so that one odd frame changes little
-        ahead = total(rest) * (usual + self._seen) / (usual + self._expected)
-        left = max(plan.bits - self._spent, 1.0)
-        pressure = float(log2(left / max(ahead, 1.0)))
+        ahead = total(rest) * (usual + self._decayed_bits) / (usual + self._decayed_plan)
+        rest_bits = max(plan.bits - self._bits, 1.0)
+        pressure = float(log2(rest_bits / max(ahead, 1.0)))
         is_last = len(rest) == 1 or max(rest[1:]) <= 2 * CHUNK_BITS
-        wanted = left if is_last else left * rest[0] / total(rest)
+        goal = rest_bits if is_last else rest_bits * rest[0] / total(rest)
         tries, room = (GROUP_TRIES, CLOSE_SIZE * plan.bits) if is_last else (1, 0.0)
-        slope = STEP_SLOPE if isinstance(self._coder, MainFrameEncoder) else 1.0
-        encoded, bits, finer = self._tried(frame, wanted, room, self._refined, pressure / slope, slope, tries)
-        self._seen = BITS_DECAY * self._seen + bits / _power_of_two(slope * finer)
-        self._expected = BITS_DECAY * self._expected + rest[0]
+        slope = QUANTIZER_SLOPE if isinstance(self._coder, MainFrameEncoder) else 1.0
+        encoded, bits, finer = self._nearest(frame, goal, room, self._refine, pressure / slope, slope, tries)
+        self._decayed_bits = BITS_DECAY * self._decayed_bits + bits / _power_of_two(slope * finer)
+        self._decayed_plan = BITS_DECAY * self._decayed_plan + rest[0]
         return encoded, bits
 
-    def _refined(self, steps: float) -> float:
-        """Let the next P-frame be finer: by steps of D, in profile `paper` by octaves of the splats; what was done."""
+    def _refine(self, change: float) -> float:
+        """Refine the next P-frame in quantisers, in profile `paper` in octaves of splats; the change made."""
         if isinstance(self._coder, MainFrameEncoder):
-            whole = round(min(max(steps, -MOST_STEPS), MOST_STEPS))
+            whole = round(min(max(change, -MAX_QUANTIZER_CHANGE), MAX_QUANTIZER_CHANGE))
             self._coder.quantizer = min(max(self._base - whole, 0), QUANTIZERS - 1)
             return float(self._base - self._coder.quantizer)
-        octaves = min(max(steps, -MOST_OCTAVES), MOST_OCTAVES)
+        octaves = min(max(change, -MOST_OCTAVES), MOST_OCTAVES)
         self._coder.total = min(max(1, round(self._base * _power_of_two(octaves))), self._most)
         return float(log2(self._coder.total / self._base))
 
-    def _tried(
+    def _nearest(
         self,
         frame: tuple[Any, ...],
-        wanted: float,
+        goal: float,
         room: float,
         set_to: Callable[[float], float],
         value: float,
@@ -214,7 +214,7 @@ class BudgetCoder:
         ----------
         frame
             What `GroupCoder.encode` takes.
-        wanted, room
+        goal, room
             The number of bits, and by how much it may be missed.
         set_to
             Sets what is tried, and returns the value that is possible.
@@ -231,11 +231,11 @@ class BudgetCoder:
                 break
             tried.add(possible)
             encoded, bits = self._encode(*frame)
-            if best is None or abs(bits - wanted) < abs(best[1] - wanted):
+            if best is None or abs(bits - goal) < abs(best[1] - goal):
                 best, after = (encoded, bits, possible), self._coder
-            if abs(bits - wanted) <= room:
+            if abs(bits - goal) <= room:
                 break
-            value = possible + float(log2(max(wanted, 1.0) / max(bits, 1.0))) / slope
+            value = possible + float(log2(max(goal, 1.0) / max(bits, 1.0))) / slope
         assert best is not None
         self._coder = after
         return best

@@ -26,8 +26,8 @@ class Passes:
 
     Attributes
     ----------
-    base
-        The settings without a goal.
+    settings, base
+        The settings with their goal, and without it.
     low, high
         Limits of log2 of the number of splats.
     begin
@@ -40,22 +40,22 @@ class Passes:
         self,
         opened: Callable[[], VideoReader],
         target: Target,
-        asked: Settings,
+        settings: Settings,
         jobs: int,
         executor: Executor | None,
         progress: OnProgress | None,
     ) -> None:
-        self._opened, self.target, self.asked = opened, target, asked
+        self._opened, self.target, self.settings = opened, target, settings
         self._jobs, self._executor, self._progress = jobs, executor, progress
         self.begin = time.perf_counter()
         self.fault: IncompleteEncodeError | None = None
-        self.base = asked.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
+        self.base = settings.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
         with opened() as reader:
             self.format = reader.format
-        if asked.vmaf is not None and min(self.format.width, self.format.height) < MIN_SIDE:
+        if settings.vmaf is not None and min(self.format.width, self.format.height) < MIN_SIDE:
             raise UsageError(f"a VMAF cannot be held: VMAF needs frames of at least {MIN_SIDE}x{MIN_SIDE} pixels")
         pixels = self.format.width * self.format.height
-        self.most = max(1, pixels // MIN_PIXELS_PER_SPLAT) if asked.splats is None else asked.splats
+        self.most = max(1, pixels // MIN_PIXELS_PER_SPLAT) if settings.splats is None else settings.splats
         self.base.with_(splats=self.most).splat_count(self.format.width, self.format.height)  # refuses too many
         self.low, self.high = 0.0, float(log2(self.most))
 
@@ -64,14 +64,14 @@ class Passes:
         return self._opened()
 
     def run(
-        self, reader: VideoReader, target: Target, settings: Settings, step: str, make_coder: CoderMaker = coder_of
+        self, reader: VideoReader, target: Target, settings: Settings, pass_name: str, make_coder: CoderMaker = coder_of
     ) -> EncodeReport:
         """Encode once; a fault of the source ends it early, as it will end the last pass."""
 
         def show(progress: Progress) -> None:
             if self._progress is not None:
                 elapsed = time.perf_counter() - self.begin
-                self._progress(replace(progress, step=step, elapsed_s=elapsed))
+                self._progress(replace(progress, step=pass_name, elapsed_s=elapsed))
 
         with reader:
             try:
@@ -83,8 +83,13 @@ class Passes:
                 self.fault = error
                 return error.report
 
-    def tried(
-        self, reader: VideoReader, file: IO[bytes], settings: Settings, step: str, make_coder: CoderMaker = coder_of
+    def run_to_file(
+        self,
+        reader: VideoReader,
+        file: IO[bytes],
+        settings: Settings,
+        pass_name: str,
+        make_coder: CoderMaker = coder_of,
     ) -> EncodeReport:
         """Encode once to a temporary file.
 
@@ -93,7 +98,7 @@ class Passes:
         KeyboardInterrupt
             It was interrupted.
         """
-        report = self.run(reader, cast("Target", file), settings, step, make_coder)
+        report = self.run(reader, cast("Target", file), settings, pass_name, make_coder)
         if report.interrupted:
             raise KeyboardInterrupt
         return report

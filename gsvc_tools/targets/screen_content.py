@@ -1,4 +1,4 @@
-"""Text and screen content: how a picture shows it, and the quality to expect.
+"""Text and screen content: how a picture shows it, and the PSNR to expect.
 
 A splat is smooth and a letter is not, so that text takes several times the splats of a photograph. Pictures of screens
 have areas of one colour, and edges that rise from one pixel to the next.
@@ -13,10 +13,10 @@ from gsvc_base.arrays import Frame
 from gsvc_base.portable import log2, whole_power
 from gsvc_ref.encoder.settings import Settings
 
-STEP: Final = 64 / 255
+SHARP_EDGE: Final = 64 / 255
 """A sharp edge is a difference of two neighbouring pixels by this part of the peak, in luma..."""
 
-SOFT_STEP: Final = 16 / 255
+SOFT_EDGE: Final = 16 / 255
 """...and an edge of any kind is one of this."""
 
 LEAST_FLAT: Final = 0.4
@@ -71,11 +71,11 @@ class Sharpness:
         luma = (2 * whole[..., 0] + 5 * whole[..., 1] + whole[..., 2]) // 8  # BT.601's, in eighths
         across, down = abs(np.diff(luma, axis=1)), abs(np.diff(luma, axis=0))
 
-        def edges(step: float) -> float:
-            return float((across >= step * peak).mean() + (down >= step * peak).mean()) / 2
+        def edges(difference: float) -> float:
+            return float((across >= difference * peak).mean() + (down >= difference * peak).mean()) / 2
 
         flat = float((whole[:, 1:] == whole[:, :-1]).all(axis=2).mean())
-        sharp, soft = edges(STEP), edges(SOFT_STEP)
+        sharp, soft = edges(SHARP_EDGE), edges(SOFT_EDGE)
         return cls(flat, sharp, sharp / soft if soft else 0.0, round(sharp * height * width))
 
     @property

@@ -6,7 +6,7 @@ that changes. `curves.equal_slope` makes a plan of that, and `BudgetCoder` keeps
 stream miss the goal by more than NEAR_TARGET, as where a group cannot be as small or as large as planned, what it took
 corrects the curves, and another pass follows.
 
-For a mean PSNR or VMAF see `mean_quality`.
+For a mean PSNR or VMAF see `means`.
 """
 
 import math
@@ -27,7 +27,7 @@ from gsvc_ref.video.format import FrameRate
 from gsvc_tools.libvmaf import ffmpeg_with_libvmaf
 from gsvc_tools.targets.budget import GroupPlan, planned_coder
 from gsvc_tools.targets.curves import FrameCost, GroupCurve, equal_slope
-from gsvc_tools.targets.mean_quality import to_quality
+from gsvc_tools.targets.means import to_mean
 from gsvc_tools.targets.passes import Passes, splats_of, temporary_files
 from gsvc_tools.targets.reading_again import Chosen, readable_again
 
@@ -84,7 +84,7 @@ def encode_to_goal(
     with readable_again(source, frame_rate) as opened:
         passes = Passes(opened, target, settings, jobs, executor, progress)
         by_size = settings.goal in ("bitrate", "size")
-        report = _to_size(passes) if by_size else to_quality(passes)
+        report = _to_size(passes) if by_size else to_mean(passes)
     seconds = time.perf_counter() - passes.begin
     stages = {**report.seconds_by_stage, "other passes": seconds - report.seconds}
     report = replace(report, settings=settings, seconds=seconds, seconds_by_stage=stages)
@@ -105,10 +105,10 @@ class _Stream:
 
 def _to_size(passes: Passes) -> EncodeReport:
     """Encode to a bit rate or a size."""
-    asked = passes.asked
+    asked = passes.settings
     settings = passes.base.with_(splats=splats_of(_first_octave(passes)))
-    with TemporaryFile() as thrown_away:
-        report = passes.tried(passes.frames(), thrown_away, settings, "first pass")
+    with TemporaryFile() as scratch:
+        report = passes.run_to_file(passes.frames(), scratch, settings, "first pass")
     goal = _goal_bits(asked, report)
     fixed = 8.0 * report.file_bytes - sum(_bits(frame) for frame in report.frames)
     curves = _with_slopes(passes, _curves(report.frames, log2(settings.splats or 1)), goal - fixed)
@@ -116,7 +116,7 @@ def _to_size(passes: Passes) -> EncodeReport:
     file: IO[bytes]
     bound = False
     with temporary_files() as new_file:
-        for attempt, step in enumerate(PASS_REASONS):
+        for attempt, pass_name in enumerate(PASS_REASONS):
             octaves = equal_slope(curves, max(goal - fixed, 0.0), passes.low, passes.high)
             plans = _plans(curves, octaves)
             most = max(plan.splats for plan in plans.values())
@@ -124,12 +124,12 @@ def _to_size(passes: Passes) -> EncodeReport:
             settings = passes.base.with_(splats=most)
             make_coder = partial(planned_coder, plans=plans, most=most)
             if attempt == 0 and is_file(passes.target):
-                made = passes.run(passes.frames(), passes.target, settings, step, make_coder)
+                made = passes.run(passes.frames(), passes.target, settings, pass_name, make_coder)
                 stream = _Stream(made, abs(8 * made.file_bytes / goal - 1), None)
             else:
                 file = new_file()
                 try:
-                    made = passes.tried(passes.frames(), file, settings, step, make_coder)
+                    made = passes.run_to_file(passes.frames(), file, settings, pass_name, make_coder)
                 except KeyboardInterrupt:
                     if best is None:
                         raise
@@ -158,7 +158,7 @@ def _goal_bits(asked: Settings, report: EncodeReport) -> float:
 
 def _first_octave(passes: Passes) -> float:
     """log2 of the number of splats of the first pass."""
-    asked, video = passes.asked, passes.format
+    asked, video = passes.settings, passes.format
     count = frame_count_of(asked, video)
     frames = GUESSED_FRAMES if count is None else max(1, count)
     bits = 8.0 * asked.size if asked.size is not None else float((asked.bitrate or 1.0) * frames / video.frame_rate)
@@ -206,7 +206,7 @@ def _with_slopes(passes: Passes, curves: list[GroupCurve], bits: float) -> list[
     settings = passes.base.with_(splats=splats, frames=(0, None), key_frames=tuple(starts))
     chosen = Chosen(passes.frames(), tuple(offset + number for number in numbers))
     with TemporaryFile() as file:
-        report = passes.tried(chosen, file, settings, "first frames again")
+        report = passes.run_to_file(chosen, file, settings, "first frames again")
     costs = [_cost(number, frame) for number, frame in zip(numbers, report.frames, strict=False)]
     bounds = [*starts, len(costs)]
     return [
@@ -237,7 +237,7 @@ def _corrected(curves: list[GroupCurve], octaves: list[float], frames: list[Fram
 def _size_notes(passes: Passes, report: EncodeReport, goal: float, fixed: float, bound: bool) -> list[str]:
     """What was asked and what came out, and what binds if these differ; `bound`: no group can do more."""
     bits = 8.0 * report.file_bytes
-    asked = passes.asked
+    asked = passes.settings
     if asked.size is not None:
         sizes = f"asked for {asked.size:,} bytes, got {report.file_bytes:,}"
     else:

@@ -1,6 +1,6 @@
 """What an encode would take, by some frames of it: a trial.
 
-At up to three places of the clip a frame is encoded as an I-frame, and those after it as P-frames. Size and quality of
+At up to three places of the clip a frame is encoded as an I-frame, and those after it as P-frames. Size and PSNR of
 the whole follow from these, and a range, which is wider where the places differ.
 """
 
@@ -36,7 +36,7 @@ from gsvc_tools.targets.targets import NEAR_TARGET
 PLACES: Final = 3
 """Where frames are encoded: at the beginning, after a third and after two thirds."""
 
-TRIED_FRAMES: Final = 5
+FRAMES_OF_PLACE: Final = 5
 """The frames of a place, the first of them an I-frame."""
 
 BUDGET_S: Final = 8.0
@@ -56,12 +56,12 @@ TIME_RANGE: Final = 1.5
 """The same of the time, a guess as well."""
 
 PSNR_BELOW, PSNR_ABOVE = 2.5, 1.0
-"""The mean PSNR is likely to be from so many dB below the estimate, since P-frames get worse as they go on, to so many
-above it: guesses as well."""
+"""The mean PSNR is likely to be at most this far below the estimate, since P-frames get worse as they go on, and above
+it, in dB: guesses as well."""
 
 PASSES: Final = {"bitrate": 2.3, "size": 2.3, "mean_psnr": 4.0, "vmaf": 4.5}
 """The time of an encode with a goal for the whole clip, in encodes: that of a size has two passes, and some frames of a
-third; how many a quality takes, up to five, is guessed."""
+third; the passes for a mean, up to five, are guessed."""
 
 DB_PER_DOUBLING: Final = 3.4
 """What twice the splats gain, in dB, where a goal needs other numbers of splats than were tried."""
@@ -118,7 +118,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class _Tried:
+class _Trial:
     """A frame that was encoded."""
 
     cost: FrameCost
@@ -155,7 +155,7 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
             base = base.with_(threads=1)
         coder = coder_of(base, video)
         _warm_up(base)
-        places: list[list[_Tried]] = []
+        places: list[list[_Trial]] = []
         begin = time.perf_counter()
         first: Frame | None = None
         for frames in _places(reader, settings.frames[0], count):
@@ -163,7 +163,7 @@ def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 
                 first = frames[0]
             elif time.perf_counter() - begin > BUDGET_S:
                 break
-            places.append(_tried(coder, frames, video, begin + BUDGET_S))
+            places.append(_encode_place(coder, frames, video, begin + BUDGET_S))
             coder = coder.for_group()
         if first is None:
             raise no_frames(settings)
@@ -186,36 +186,36 @@ def _places(reader: VideoReader, start: int, count: int | None) -> Iterator[list
     frames = islice(reader, start, None)
     at = 0
     for place in range(PLACES):
-        wanted = 0 if count is None else place * count // PLACES
-        if place and (count is None or count < PLACES * TRIED_FRAMES):
+        start_of_place = 0 if count is None else place * count // PLACES
+        if place and (count is None or count < PLACES * FRAMES_OF_PLACE):
             return
-        while at < wanted:
+        while at < start_of_place:
             if next(frames, None) is None or time.perf_counter() - begin > BUDGET_S:
                 return
             at += 1
-        taken = list(islice(frames, TRIED_FRAMES if count is None else min(TRIED_FRAMES, count)))
-        at += len(taken)
-        if not taken:
+        found = list(islice(frames, FRAMES_OF_PLACE if count is None else min(FRAMES_OF_PLACE, count)))
+        at += len(found)
+        if not found:
             return
-        yield taken
+        yield found
 
 
-def _tried(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: float) -> list[_Tried]:
+def _encode_place(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat, end: float) -> list[_Trial]:
     """The frames of a place, encoded."""
-    tried, writer = [], _Written(video)
+    trials, writer = [], _Written(video)
     for number, frame in enumerate(frames):
         if number > 1 and time.perf_counter() > end:
             break
         begin = time.perf_counter()
         is_equal = number > 0 and np.array_equal(frame, frames[number - 1])
-        made = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, silent)
+        encoded = coder.encode(frame, "I" if number == 0 else "R" if is_equal else "P", number, silent)
         seconds = time.perf_counter() - begin
-        error = 0.0 if math.isinf(made.psnr) else float(power(10.0, -made.psnr / 10))
-        cost = FrameCost(number, made.codes.type, writer.bits(coder, made), error)
-        splats = reduce(Splats.append, [layer.state.splats for layer in made.layers[1:]], made.state.splats)
+        error = 0.0 if math.isinf(encoded.psnr) else float(power(10.0, -encoded.psnr / 10))
+        cost = FrameCost(number, encoded.codes.type, writer.bits(coder, encoded), error)
+        splats = reduce(Splats.append, [layer.state.splats for layer in encoded.layers[1:]], encoded.state.splats)
         work = rendering_work(splats, video.width, video.height)
-        tried.append(_Tried(cost, seconds, min(made.psnr, 100.0), len(splats), work))
-    return tried
+        trials.append(_Trial(cost, seconds, min(encoded.psnr, 100.0), len(splats), work))
+    return trials
 
 
 class _Written:
@@ -225,19 +225,19 @@ class _Written:
         self._video = video
         self._writer: StreamWriter | None = None
 
-    def bits(self, coder: GroupCoder, made: EncodedFrame) -> float:
+    def bits(self, coder: GroupCoder, encoded: EncodedFrame) -> float:
         """The bits of the next frame with its layers."""
         if self._writer is None:  # what the header says of a coder is known after its first frame
             self._writer = StreamWriter(BytesIO(), header_so_far(coder, self._video), index=False)
         begin = self._writer.offset
-        self._writer.write_frame(made.codes, made.state)
-        for part in filter(made.has_chunk, made.layers):
+        self._writer.write_frame(encoded.codes, encoded.state)
+        for part in filter(encoded.has_chunk, encoded.layers):
             self._writer.write_layer(part.layer, part.codes)
         return 8.0 * (self._writer.offset - begin)
 
 
 def _whole(
-    places: list[list[_Tried]], video: VideoFormat, count: int | None, settings: Settings, jobs: int, notes: list[str]
+    places: list[list[_Trial]], video: VideoFormat, count: int | None, settings: Settings, jobs: int, notes: list[str]
 ) -> Estimate:
     """What follows from the frames that were tried."""
     frames = max(1, round(video.frame_rate)) if count is None else count
@@ -245,11 +245,11 @@ def _whole(
     later = frames - groups
     bits = [groups * place[0].cost.bits + later * _later([one.cost.bits for one in place]) for place in places]
     seconds = [groups * place[0].seconds + later * _later([one.seconds for one in place]) for place in places]
-    quality = [_mean([one.psnr for one in place[-2:]]) for place in places]
+    psnrs = [_mean([one.psnr for one in place[-2:]]) for place in places]
     fixed = FIXED_BYTES + LOG_BYTES * frames if settings.decisions else FIXED_BYTES // 4
     size = _range(bits, SIZE_RANGE).times(1 / 8)
     size = Range(size.low + fixed, size.likely + fixed, size.high + fixed)
-    psnr = Range(min(quality) - PSNR_BELOW, _mean(quality), max(quality) + PSNR_ABOVE)
+    psnr = Range(min(psnrs) - PSNR_BELOW, _mean(psnrs), max(psnrs) + PSNR_ABOVE)
     splats = round(_mean([place[0].splats for place in places]))
     if settings.goal is not None and splats:
         inter = later * _mean([_later([one.cost.bits for one in place]) for place in places])

@@ -84,7 +84,7 @@ class LibavReader(VideoReader):
         self._name = name
         self._decoded = 0
         self._begin: Fraction | None = None  # the stamp of the first frame
-        self._told = Fraction(0)
+        self._last_time = Fraction(0)
         self._times = packet_times(self._av, source)
         self._is_uneven = False
         self._turned = Orientation()
@@ -312,11 +312,11 @@ class LibavReader(VideoReader):
         if self._begin is None:
             self._begin, time = stamp or Fraction(0), Fraction(0)
         else:
-            time = self._told + usual if stamp is None else stamp - self._begin
-            if time <= self._told:
+            time = self._last_time + usual if stamp is None else stamp - self._begin
+            if time <= self._last_time:
                 self.note(f"time stamps of {self._name} do not grow from frame to frame; frames are taken in order")
-                time = self._told + usual
-        self._told = self.frame_time = time
+                time = self._last_time + usual
+        self._last_time = self.frame_time = time
         self.end_time = time + (picture.duration * unit if picture.duration and unit else usual)
 
     def _read(self) -> Iterator[Frame]:

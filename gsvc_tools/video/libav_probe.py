@@ -83,9 +83,9 @@ def packet_times(av_module: Any, source: Path | BinaryIO) -> tuple[np.ndarray[An
 
 def is_even(times: np.ndarray[Any, Any], unit: Fraction, rate: Fraction) -> bool:
     """Whether frames shown at these times, in units, are where a constant rate puts them."""
-    step = 1 / float(rate)
-    allowed = min(max(JITTER_S, float(unit)), step / 4)
-    return bool((np.abs(times * float(unit) - np.arange(len(times)) * step) <= allowed + 1e-9).all())
+    period = 1 / float(rate)
+    allowed = min(max(JITTER_S, float(unit)), period / 4)
+    return bool((np.abs(times * float(unit) - np.arange(len(times)) * period) <= allowed + 1e-9).all())
 
 
 def lost_tracks(container: Any, stream: av.VideoStream, name: str) -> list[str]:

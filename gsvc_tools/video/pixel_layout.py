@@ -94,8 +94,8 @@ def _grey(name: str) -> PixelLayout | None:
     depth = int(match[2] or 8) if match else 0
     if match is None or not 8 <= depth <= 16:
         return None
-    step = 2 if match[1] == "ya" else 1
-    return PixelLayout(((0, step, 0),), (0, 2, 1) if step == 2 else None, "420", depth, _dtype(depth, match[3]))
+    stride = 2 if match[1] == "ya" else 1
+    return PixelLayout(((0, stride, 0),), (0, 2, 1) if stride == 2 else None, "420", depth, _dtype(depth, match[3]))
 
 
 @cache
@@ -116,12 +116,12 @@ def take(
 
     The result is u1 for 8 bits, else u2, contiguous.
     """
-    plane, step, first = place
+    plane, stride, first = place
     rows, columns = shape
     dtype = np.dtype(pixels.dtype)
     lines = buffers[plane][:rows]
     samples = lines[:, : lines.shape[1] // dtype.itemsize * dtype.itemsize].view(dtype)
-    used = samples[:, first::step][:, :columns] >> pixels.shift
+    used = samples[:, first::stride][:, :columns] >> pixels.shift
     return used.astype(np.uint8 if pixels.bit_depth == 8 else np.uint16)
 
 

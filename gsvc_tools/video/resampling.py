@@ -97,7 +97,7 @@ class FrameRateReader(_Changed):
             self.note(f"from {video.frame_rate} to {rate} frames per second: frames are {done}, and none is blended")
 
     def _read(self) -> Iterator[Frame]:
-        step, given = 1 / self.format.frame_rate, 0
+        period, shown_count = 1 / self.format.frame_rate, 0
         shown: Frame | None = None
         begin = end = Fraction(0)
         for number, frame in enumerate(self._reader):
@@ -110,15 +110,15 @@ class FrameRateReader(_Changed):
                     "limit",
                     f"frame {number - 1} would be shown for more than {LONGEST_REPEAT_S} seconds; cut the video",
                 )
-            while shown is not None and begin + given * step < at:
+            while shown is not None and begin + shown_count * period < at:
                 yield shown
-                given += 1
+                shown_count += 1
             end_time = self._reader.end_time
             shown = frame
             end = at + 1 / self._reader.format.frame_rate if end_time is None else min(end_time, at + LONGEST_REPEAT_S)
-        while shown is not None and begin + given * step < end:
+        while shown is not None and begin + shown_count * period < end:
             yield shown
-            given += 1
+            shown_count += 1
 
 
 class VideoOpener(Protocol):

@@ -418,12 +418,12 @@ def test_one_gap_for_a_layer_that_is_damaged_and_missed(data: bytes) -> None:
 
 def test_what_is_lost_is_known_until_the_layer_begins_anew() -> None:
     state = MainState.initial(8, 8)
-    layers = Layers(2).behind("I", state).with_layer(1, state).with_layer(2, state).behind("R", state)
+    layers = Layers(2).after("I", state).with_layer(1, state).with_layer(2, state).after("R", state)
     assert list(layers.there) == [1, 2]
     cut = layers.with_layer(1, state).interrupted()
     assert (list(cut.there), cut.lost, cut.takes_chunks) == ([1], {2}, False)
     assert cut.interrupted().there == cut.there
-    following = cut.behind("P", state)
+    following = cut.after("P", state)
     assert (list(following.before), following.lost, following.takes_chunks) == ([1], {2}, True)
     assert following.with_layer(2, state).lost == set()
-    assert cut.behind("I", state).lost == set()
+    assert cut.after("I", state).lost == set()

@@ -38,7 +38,7 @@ def test_forms_of_a_value(value: object) -> None:
 
 def test_a_lie_that_is_never_told_is_an_error() -> None:
     for lie in (Lie("no_such_element", 0), Lie("width", 9, occurrence=1)):
-        with pytest.raises(UsageError, match="never told"):
+        with pytest.raises(UsageError, match="never written"):
             write_stream(OVERVIEW_HEADER, overview_frames(), lies=[lie])
 
 

@@ -93,13 +93,13 @@ def read_symbols(lanes: Lanes, tables: Distributions, which: I8, symbols: I8) ->
 
 @kernel()
 def read_raw(lanes: Lanes, sizes: I8, values: I8) -> bool:
-    """Values of so many raw bits each, at most 28: the upper bits of long ones in a pass of their own."""
+    """Values of the given numbers of raw bits, at most 28: the upper bits of long ones in a separate pass."""
     states, words, taken, mask = lanes.states, lanes.words, lanes.taken[0], len(lanes.states) - 1
     most = length = 0
     for i in range(len(sizes)):
         most = max(most, sizes[i])
         values[i] = 0
-    for least in range(PRECISION, -1, -PRECISION):  # a pass of the bits above so many, and one of the others
+    for least in range(PRECISION, -1, -PRECISION):  # a pass of the bits above `least`, and one of the others
         if most <= least:
             continue
         place = 0

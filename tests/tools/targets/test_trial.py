@@ -6,7 +6,7 @@ from codec_cases import encoded, fast, flat, paper_fast, video_format, waves
 from gsvc_base.errors import GsvcError
 from gsvc_ref.encoder.source_and_target import FrameSource
 from gsvc_tools.targets import trial
-from gsvc_tools.targets.trial import PLACES, TRIED_FRAMES, estimate
+from gsvc_tools.targets.trial import FRAMES_OF_PLACE, PLACES, estimate
 
 CLIP = waves(32, 24, 15)
 
@@ -30,7 +30,7 @@ def tried(frames, settings, **options):
 def test_the_whole_is_within_what_was_said(settings):
     said = tried(CLIP, settings)
     report, data = encoded(CLIP, settings)
-    assert said.frames_tried == PLACES * TRIED_FRAMES
+    assert said.frames_tried == PLACES * FRAMES_OF_PLACE
     assert said.file_bytes.low <= len(data) <= said.file_bytes.high
     assert said.mean_psnr.low <= report.mean_psnr <= said.mean_psnr.high
     assert said.level == report.header.level
@@ -78,7 +78,7 @@ def test_without_a_length_it_is_about_a_second():
     video = video_format(32, 24)
     said = estimate(lambda: FrameSource(CLIP, video), fast(splats=10))
     assert said.frames is None
-    assert said.frames_tried == TRIED_FRAMES
+    assert said.frames_tried == FRAMES_OF_PLACE
 
 
 def test_a_source_without_frames_is_refused():

@@ -12,49 +12,49 @@ from gsvc_tools.targets.passes import Passes, splats_of, temporary_files
 from gsvc_tools.targets.reading_again import Chosen
 
 MEASURES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
-"""Measures of quality as people call them."""
+"""The means that a clip is encoded to, as people call them."""
 
 MOST_SEARCHES: Final = 5
-"""How often a clip is encoded at most to reach a mean quality."""
+"""The most passes over a clip to reach a mean."""
 
 NEAR_MEAN: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
-"""A mean quality that is reached by at most so much more is not looked for any further."""
+"""The search ends at a mean that exceeds the goal by at most this."""
 
-QUALITY_SLOPE: Final = {"mean_psnr": 3.4, "vmaf": 10.0}
+GAIN_PER_DOUBLING: Final = {"mean_psnr": 3.4, "vmaf": 10.0}
 """First guess of what twice the splats gain."""
 
-FIRST_QUALITY: Final = {"mean_psnr": 33.0, "vmaf": 80.0}
+DEFAULT_MEAN: Final = {"mean_psnr": 33.0, "vmaf": 80.0}
 """First guess of what the default number of splats reaches."""
 
 EQUAL_PSNR: Final = 100.0
 """The PSNR that stands for that of a frame equal to its source in a mean that is to be reached, in dB."""
 
 
-def to_quality(passes: Passes) -> EncodeReport:
+def to_mean(passes: Passes) -> EncodeReport:
     """Encode to a mean PSNR or VMAF with few splats."""
-    name = str(passes.asked.goal)
-    goal = float(getattr(passes.asked, name))
+    name = str(passes.settings.goal)
+    goal = float(getattr(passes.settings, name))
     default = passes.base.with_(splats=None).splat_count(passes.format.width, passes.format.height)
-    slope = QUALITY_SLOPE[name]
-    octave = float(log2(default)) + (goal - FIRST_QUALITY[name]) / slope
-    tried: dict[int, tuple[float, EncodeReport, IO[bytes]]] = {}
+    slope = GAIN_PER_DOUBLING[name]
+    octave = float(log2(default)) + (goal - DEFAULT_MEAN[name]) / slope
+    attempts: dict[int, tuple[float, EncodeReport, IO[bytes]]] = {}
     with temporary_files() as new_file:
         for attempt in range(MOST_SEARCHES):
             octave = min(max(octave, passes.low), passes.high)
             splats = min(splats_of(octave), passes.most)
-            if splats in tried:
+            if splats in attempts:
                 break
             file = new_file()
-            step = f"{MEASURES[name]} {goal:g}, pass {attempt + 1}"
-            report = passes.tried(passes.frames(), file, passes.base.with_(splats=splats), step)
+            pass_name = f"{MEASURES[name]} {goal:g}, pass {attempt + 1}"
+            report = passes.run_to_file(passes.frames(), file, passes.base.with_(splats=splats), pass_name)
             reached = _reached(passes, name, report, file)
-            tried[splats] = reached, report, file
+            attempts[splats] = reached, report, file
             if 0 <= reached - goal <= NEAR_MEAN[name]:
                 break
-            octave = _next_octave(tried, goal + NEAR_MEAN[name] / 2, slope)
-        enough = [number for number, (reached, _, _) in tried.items() if reached >= goal]
-        best = min(enough) if enough else max(tried, key=lambda number: tried[number][0])
-        reached, report, file = tried[best]
+            octave = _next_octave(attempts, goal + NEAR_MEAN[name] / 2, slope)
+        enough = [number for number, (reached, _, _) in attempts.items() if reached >= goal]
+        best = min(enough) if enough else max(attempts, key=lambda number: attempts[number][0])
+        reached, report, file = attempts[best]
         passes.put(file)
     unit = " dB" if name == "mean_psnr" else ""
     notes = [
@@ -66,7 +66,7 @@ def to_quality(passes: Passes) -> EncodeReport:
 
 
 def _reached(passes: Passes, name: str, report: EncodeReport, file: IO[bytes]) -> float:
-    """The mean quality of a stream."""
+    """The mean of a stream."""
     if name == "mean_psnr":
         return sum(min(frame.psnr, EQUAL_PSNR) for frame in report.frames) / len(report.frames)
     start = passes.base.frames[0]
@@ -79,9 +79,9 @@ def _reached(passes: Passes, name: str, report: EncodeReport, file: IO[bytes]) -
     return score.mean
 
 
-def _next_octave(tried: dict[int, tuple[float, EncodeReport, IO[bytes]]], goal: float, slope: float) -> float:
+def _next_octave(attempts: dict[int, tuple[float, EncodeReport, IO[bytes]]], goal: float, slope: float) -> float:
     """log2 of the number of splats to be tried next, by the nearest number below the goal and the nearest above it."""
-    points = sorted((float(log2(number)), found[0]) for number, found in tried.items())
+    points = sorted((float(log2(number)), found[0]) for number, found in attempts.items())
     below = [point for point in points if point[1] < goal]
     above = [point for point in points if point[1] >= goal]
     if below and above:
