@@ -142,7 +142,7 @@ class Group:
         return self.task is None and self.fault is None and bool(self.segment or self.waiting)
 
     @property
-    def rest(self) -> int:
+    def left(self) -> int:
         """How long its frames will take that are known and not yet encoded, in P-frames."""
         is_unbegun = bool(self.segment or self.waiting) and (self.segment or self.waiting)[0].type == "I"
         return len(self.segment) + len(self.waiting) + is_unbegun * (I_FRAME - 1)

@@ -265,7 +265,7 @@ class _Leader:
     def _hand_out(self) -> None:
         """Give out segments, those of longer groups first, or as `in_turn` says."""
         by_length = self._longest_first
-        groups = sorted(self._groups, key=lambda one: -one.rest) if by_length else in_turn(self._groups, self._jobs)
+        groups = sorted(self._groups, key=lambda one: -one.left) if by_length else in_turn(self._groups, self._jobs)
         for group in groups:
             if self._at_work() == self._jobs or self.is_stopped:
                 return
@@ -370,8 +370,8 @@ def in_turn(groups: Iterable[Group], jobs: int) -> list[Group]:
     would be left over at the end, for one job alone.
     """
     groups = list(groups)
-    share = sum(group.rest for group in groups) / jobs
-    return sorted(groups, key=lambda group: group.rest < share)
+    share = sum(group.left for group in groups) / jobs
+    return sorted(groups, key=lambda group: group.left < share)
 
 
 def _dead_worker() -> DeadWorkerError:
