@@ -15,8 +15,8 @@
 
 spec.md says what the bytes mean, `spec` is the code in it, and `bitstream`, `stream`, `main`, `paper` and `rendering`
 do what it says; `training` has the paper's algorithms, `encoder` leads them from frame to frame, and `testing` has
-Hypothesis strategies for those who test another implementation. What gsvc_tools adds, such as `concat`, it offers
-through `plugins`.
+Hypothesis strategies for those who test another implementation. What gsvc_tools adds, `concat`, `cut` and `write`,
+it offers through `plugins`.
 
 The operations of spec.md are here by their names, as fast functions with the arguments of section 4.3; `spec` has
 their plain forms. Each takes and gives NumPy arrays, and a `Splats` is an array of its parameters:

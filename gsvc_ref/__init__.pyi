@@ -12,7 +12,6 @@ from gsvc_ref.bitstream.work import rendering_work as rendering_work
 from gsvc_ref.encoder import IncompleteEncodeError as IncompleteEncodeError
 from gsvc_ref.encoder import Settings as Settings
 from gsvc_ref.encoder import encode as encode
-from gsvc_ref.encoder import write as write
 from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
 from gsvc_ref.main.operations import adapt_model as adapt_model
 from gsvc_ref.main.operations import density_frequencies as density_frequencies
@@ -68,6 +67,7 @@ from gsvc_ref.video.color import frame_to_planes as frame_to_planes
 from gsvc_ref.video.color import planes_to_frame as planes_to_frame
 from gsvc_tools.editing import concat as concat
 from gsvc_tools.editing import cut as cut
+from gsvc_tools.writing import write as write
 
 open = Stream
 __version__: str

@@ -3,8 +3,7 @@
 In reading order: `loop` is all of it, the frames of a video in and encoded frames out; `setup` makes what it needs, and
 `recording` writes what comes out of it, as a stream and a `report`. `frame_types` gives each frame its type, by the
 rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`, `paper` those of profile
-`paper`, whose preset `quick` fits by `quick`. `held_quality` searches numbers of splats for a PSNR in both. `writing`
-takes splats that somebody else has found: `given_splats` checks them, and `splat_coder` codes them without any fit.
+`paper`, whose preset `quick` fits by `quick`. `held_quality` searches numbers of splats for a PSNR in both.
 `settings` and `effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
 """
 
@@ -12,7 +11,6 @@ from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.encode_video import encode
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
 from gsvc_ref.encoder.settings import Settings
-from gsvc_ref.encoder.writing import write
 
 __all__ = [
     "Effects",
@@ -22,5 +20,4 @@ __all__ = [
     "Progress",
     "Settings",
     "encode",
-    "write",
 ]

@@ -2,11 +2,9 @@
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field, replace
-from shutil import copyfileobj
-from tempfile import TemporaryFile
-from typing import Any, BinaryIO, cast
+from typing import Any, BinaryIO
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.interrupts import Interrupts
@@ -21,7 +19,6 @@ from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.stream import StreamWriter
 from gsvc_ref.stream.formats import header_fields
-from gsvc_ref.stream.writer import can_go_back
 from gsvc_ref.video import VideoFormat
 
 
@@ -44,8 +41,8 @@ class StreamPlan:
         least that fits.
     live
         Write under the final name, and never go back.
-    corrected
-        The header must be corrected at the end, so a target that cannot go back gets the whole stream then.
+    wrapped
+        Makes the file that is written of the one that was opened; on success it has written the latter in the end.
     times_before
         Gives the payload of the chunk `t` before a frame, or None.
     notes
@@ -63,7 +60,7 @@ class StreamPlan:
     level: int
     least_level: bool = False
     live: bool = False
-    corrected: bool = False
+    wrapped: Callable[[BinaryIO], AbstractContextManager[BinaryIO]] = nullcontext
     times_before: Callable[[int], bytes | None] = lambda number: None
     notes: Callable[[list[FrameReport]], list[str]] = lambda frames: []
     threads: int | None = None
@@ -101,10 +98,7 @@ def record(target: Target, plan: StreamPlan, encode: "Callable[[Recording], None
     patient = is_file(target)
     with Interrupts(patient=patient) as interrupts:
         interrupts.held = patient  # a file that is just being opened would be left behind; a pipe may wait for a reader
-        with (
-            opened_target(target, live=plan.live) as opened,
-            _correctable(opened) if plan.corrected else nullcontext(opened) as file,
-        ):
+        with opened_target(target, live=plan.live) as opened, plan.wrapped(opened) as file:
             interrupts.release()
             recording = Recording(file, plan, interrupts)
             ended: BaseException | None = None
@@ -122,18 +116,6 @@ def record(target: Target, plan: StreamPlan, encode: "Callable[[Recording], None
     if ended is not None and not isinstance(ended, KeyboardInterrupt):
         _raise(ended, report, plan.name)
     return report
-
-
-@contextmanager
-def _correctable(file: BinaryIO) -> Iterator[BinaryIO]:
-    """The file itself if it can go back; otherwise a temporary one, whose bytes it gets when the block ends well."""
-    if can_go_back(file):
-        yield file
-        return
-    with TemporaryFile() as whole:
-        yield cast(BinaryIO, whole)
-        whole.seek(0)
-        copyfileobj(whole, file)
 
 
 def _raise(fault: BaseException, report: EncodeReport, name: str) -> None:

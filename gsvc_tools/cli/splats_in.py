@@ -127,7 +127,7 @@ def run(arguments: Namespace) -> int:
 def _import(arguments: Namespace) -> int:
     from gsvc_ref import IncompleteEncodeError, write
     from gsvc_ref.cli.compilation import compilation_notice
-    from gsvc_ref.encoder.given_splats import SplatsError
+    from gsvc_tools.writing.given_splats import SplatsError
 
     lost: list[str] = []
     source = _opened(arguments, lost)

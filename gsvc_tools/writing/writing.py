@@ -1,23 +1,27 @@
 """Writing splats that somebody else has found: frames of splats in, a `.gsvc` stream out."""
 
 from collections.abc import Iterable, Iterator
-from typing import Any, Final
+from contextlib import contextmanager, nullcontext
+from shutil import copyfileobj
+from tempfile import TemporaryFile
+from typing import Any, BinaryIO, Final, cast
 
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
 from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.frame_types import TypedFrame
-from gsvc_ref.encoder.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
 from gsvc_ref.encoder.loop import encode_frames
 from gsvc_ref.encoder.recording import Recording, StreamPlan, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
 from gsvc_ref.encoder.settings import KeyFrames, PaperSettings
 from gsvc_ref.encoder.source_and_target import SoundFrames, Target
-from gsvc_ref.encoder.splat_coder import SplatCoder
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision
+from gsvc_ref.stream.writer import can_go_back
 from gsvc_ref.training import BlockSettings, FitSettings
 from gsvc_ref.video.format import FrameRate, array_format
+from gsvc_tools.writing.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
+from gsvc_tools.writing.splat_coder import SplatCoder
 
 CHOLESKY_BITS: Final = 12
 """b of a stream that `write` makes, the most that there is: nothing makes up for an error by fitting."""
@@ -126,8 +130,8 @@ def write(
     coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
     reporter = ProgressReporter(progress, video.frame_count)
     plan = StreamPlan(
-        coder, video, highest, least_level=level is None, corrected=level is None, notes=lambda _: _notes(given),
-        threads=threads, name="gsvc_ref.write",
+        coder, video, highest, least_level=level is None, notes=lambda _: _notes(given), threads=threads,
+        wrapped=_correctable if level is None else nullcontext, name="gsvc_ref.write",
     )  # fmt: skip
 
     def encode(recording: Recording) -> None:
@@ -140,6 +144,18 @@ def write(
             raise UsageError("there are no frames; give the splats of at least one")
 
     return record(target, plan, encode)
+
+
+@contextmanager
+def _correctable(file: BinaryIO) -> Iterator[BinaryIO]:
+    """The file itself if it can go back; otherwise a temporary one, whose bytes it gets when the block ends well."""
+    if can_go_back(file):
+        yield file
+        return
+    with TemporaryFile() as whole:
+        yield cast(BinaryIO, whole)
+        whole.seek(0)
+        copyfileobj(whole, file)
 
 
 def write_settings(**options: Any) -> PaperSettings:

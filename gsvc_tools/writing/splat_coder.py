@@ -19,13 +19,13 @@ from gsvc_ref.bitstream.frames import FrameElements
 from gsvc_ref.bitstream.frames import frame as write_frame
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.given_splats import GivenSplats
 from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.training import KEPT_WEIGHT, NEW, FrameQuantizer, Population, psnr_of_loss
+from gsvc_tools.writing.given_splats import GivenSplats
 
 DB_PER_DOUBLING: Final = 3.4
 """PSNR gained by twice the splats, and so by about twice the bits, as measured on photographs."""
