@@ -4,34 +4,26 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 RECOVERED: Final = 0.4
-"""D goes back to that of the I-frame once P-frames are so many dB less behind than is allowed."""
+"""D goes back toward that of the I-frame once the loss of PSNR is this many dB below the one allowed."""
 
 JUMP: Final = 3.0
-"""A P-frame with so many dB less than the one before shows something else, and those after it are held against it."""
+"""A P-frame this many dB below the one before shows something else, and is the new reference of the group."""
 
 FINEST: Final = 8
-"""D becomes finer by at most so many eighths of an octave."""
+"""Maximum number of eighths of an octave by which D becomes finer."""
 
 
 @dataclass(frozen=True)
 class HeldLevel:
     """D of the next P-frame of a group, by the PSNR of those before.
 
-    The first P-frame behind an I-frame says what level is held; the I-frame itself, whose splats are all new, is better
-    than those that follow it.
-
-    Attributes
-    ----------
-    fall
-        The dB by which a P-frame may be behind the first one.
-    coarsest
-        The quantiser of the I-frame.
-    level, last
-        The PSNR that P-frames are held against, and that of the last one, in dB; None: there is none yet.
+    The first P-frame after an I-frame is the reference; the I-frame itself, whose splats are all new, is better than
+    those that follow it.
     """
 
-    fall: float
-    coarsest: int
+    fall: float  # the dB by which a P-frame may be below the reference
+    coarsest: int  # quantizer of the I-frame
+    # PSNR in dB of the reference (None: no P-frame so far), and of the last P-frame
     level: float | None = None
     last: float = 0.0
 

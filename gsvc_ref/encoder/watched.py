@@ -1,4 +1,4 @@
-"""What the search for a P-frame of profile `main` evaluates: all pixels, or some of them in turns; each is told."""
+"""The objectives that search a P-frame of profile `main`: all pixels, or a part in turns."""
 
 from collections.abc import Callable
 from typing import Any, Final
@@ -17,23 +17,13 @@ OnEvaluation = Callable[[float], None]
 
 
 def watched_objectives(
-    picture: F4, beside: F4, splats: int, settings: Settings, on_evaluation: OnEvaluation
+    picture: F4,  # (H, W, 3) f4
+    beside: F4,  # (B, 8) f4, splats that are in it beside those that are searched
+    splats: int,  # all of them, at least 1
+    settings: Settings,
+    on_evaluation: OnEvaluation,
 ) -> tuple[Objective, SampledObjective]:
-    """The objective of a picture (H, W, 3) f4, and the one that looks at a part of its pixels in turns.
-
-    Parameters
-    ----------
-    picture
-        The new picture.
-    beside
-        (B, 8) f4, splats that are in it beside those that are searched.
-    splats
-        How many there are in all, at least 1.
-    settings
-        Threads and precision.
-    on_evaluation
-        Called after each evaluation of either.
-    """
+    """The objective of a picture (H, W, 3) f4, and the one that looks at a part of its pixels in turns."""
     pixels = picture[:, :, 0].size / splats
     down, right = (2 if pixels >= least else 1 for least in (HALF_FROM, QUARTER_FROM))
     how: dict[str, Any] = {"threads": settings.threads, "precision": settings.precision, "background": beside}
