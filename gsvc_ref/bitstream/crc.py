@@ -75,8 +75,8 @@ def _crc32c_of_bytes(data: bytes, register: int) -> int:
     return register
 
 
-KEPT_EVERY: Final = 64
-"""Bytes between two positions whose register `registers` keeps."""
+REGISTER_SPACING: Final = 64
+"""Bytes between two positions whose register `registers` gives."""
 
 
 def _zero_tables() -> NDArray[np.uint32]:
@@ -96,16 +96,16 @@ ZERO_TABLES: Final = _zero_tables()
 
 @kernel()
 def _registers_kernel(data: NDArray[np.uint8], tables: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    kept = np.empty(len(data) // KEPT_EVERY + 1, np.uint32)
+    kept = np.empty(len(data) // REGISTER_SPACING + 1, np.uint32)
     kept[0] = 0
     for n in range(1, len(kept)):
-        part = data[(n - 1) * KEPT_EVERY : n * KEPT_EVERY]
+        part = data[(n - 1) * REGISTER_SPACING : n * REGISTER_SPACING]
         kept[n] = _crc32c_kernel(part, np.int64(kept[n - 1]), tables)
     return kept
 
 
 def registers(data: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """The register, which begins as 0, before each `KEPT_EVERY`-th byte of read-only data: u4, for `crc32c_of_part`."""
+    """The register, which begins as 0, before each `REGISTER_SPACING`-th byte of read-only data, u4."""
     return _registers_kernel(data, _TABLES)
 
 
@@ -131,9 +131,9 @@ def _after_zeros(register: np.int64, size: int, zero_tables: NDArray[np.uint32])
 def _register_at(
     data: NDArray[np.uint8], kept: NDArray[np.uint32], at: int, zero_tables: NDArray[np.uint32]
 ) -> np.int64:
-    n = at // KEPT_EVERY
+    n = at // REGISTER_SPACING
     register = np.int64(kept[n])
-    for i in range(n * KEPT_EVERY, at):
+    for i in range(n * REGISTER_SPACING, at):
         register = (register >> 8) ^ np.int64(zero_tables[0, 0, (register ^ data[i]) & 0xFF])
     return register
 

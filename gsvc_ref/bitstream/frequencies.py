@@ -76,10 +76,10 @@ def all_frequencies(counts: I8, most_bits: int) -> Iterator[tuple[int, I8]]:
     n, f = counts[occurring], np.ones(len(occurring), np.int64)
     saves = n * savings()[1]  # (symbols,) f8: what the next unit of each saves
     heap = np.argsort(-saves, kind="stable")  # sorted, so it is a heap
-    given = len(n)
+    units = len(n)
     for table_bits in range(max(1, (len(n) - 1).bit_length()), most_bits + 1):
-        _give_units(n, f, (1 << table_bits) - given, savings(), saves, heap)
-        given = 1 << table_bits
+        _give_units(n, f, (1 << table_bits) - units, savings(), saves, heap)
+        units = 1 << table_bits
         frequencies = np.zeros(len(counts), np.int64)
         frequencies[occurring] = f
         yield table_bits, frequencies

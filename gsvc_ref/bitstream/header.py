@@ -190,7 +190,7 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
     profile = element("profile", 1, 0, len(PROFILES) - 1, others_reserved=True)
     level = element("level", 1, 1, HIGHEST_LEVEL, others_reserved=True)
     if level > max_level:
-        s.fail("R-5-6", f"the stream is of level {level}; this decoder was told to read level {max_level} at most")
+        s.fail("R-5-6", f"the stream is of level {level}; this decoder reads level {max_level} at most")
     flags = s.le("flags", 1, header.flags if header else 0)
     if flags > 3:
         s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last two are reserved")

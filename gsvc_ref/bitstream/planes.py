@@ -113,12 +113,10 @@ def _coded_plane(s: Coder, header: SequenceHeader, count: int, alphabet: int, w:
     symbols = np.empty(count, np.uint16)
     final = states.astype(np.int64)
     scaled = frequencies << (header.entropy_precision - table_bits)
-    taken = decode_kernel(scaled, first_symbol, header.entropy_precision, final, words, symbols)
-    if taken != word_count:
-        lack = "a word is missing" if taken < 0 else f"{word_count - taken} of {word_count} words are left over"
-        s.fail(
-            "R-7-1", f"after the last symbol of a plane {lack}", bit=s.element_bit + (16 * taken if taken > 0 else 0)
-        )
+    read = decode_kernel(scaled, first_symbol, header.entropy_precision, final, words, symbols)
+    if read != word_count:
+        lack = "a word is missing" if read < 0 else f"{word_count - read} of {word_count} words are left over"
+        s.fail("R-7-1", f"after the last symbol of a plane {lack}", bit=s.element_bit + (16 * read if read > 0 else 0))
     if (final != LOWEST_STATE).any():
         lane = int(np.argmax(final != LOWEST_STATE))
         s.fail("R-7-1", f"lane {lane} ends in state {final[lane]}, not 65536", bit=state_bit + 32 * lane)

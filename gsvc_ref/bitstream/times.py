@@ -90,11 +90,11 @@ class FrameTimes:
         """Whether both say the same by the same runs."""
         if not isinstance(other, FrameTimes):
             return NotImplemented
-        return self._said() == other._said()
+        return self._runs() == other._runs()
 
     __hash__ = None  # type: ignore[assignment]
 
-    def _said(self) -> tuple[object, ...]:
+    def _runs(self) -> tuple[object, ...]:
         return self._usual, self.ticks_per_second, self._firsts, self._ends, self._ticks
 
     @property

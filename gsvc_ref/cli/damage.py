@@ -30,7 +30,7 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
         return f"{name} is sound up to its end chunk: {fault}", "What follows the end is no part of the stream"
     advice = "Fetch the file again if you can"
     if _more_frames(stream, start + count):
-        return f"{name} is damaged {place}: {fault}", f"{advice}; --salvage finds more frames behind the damage"
+        return f"{name} is damaged {place}: {fault}", f"{advice}; --salvage finds more frames after the damage"
     if fault.rule == CUT_RULE and not stream.has_end:
         return f"{name} is cut off, or still being written, {place}: {fault}", AGAIN
     return f"{name} is damaged {place}: {fault}", advice

@@ -37,7 +37,7 @@ def add_command(commands: Any) -> None:
         "decode",
         help="decode a .gsvc file to a video",
         description="Decode a .gsvc file to a video. Of a damaged file all complete frames before the damage are "
-        "written, with --salvage also those behind it (exit code 1).",
+        "written, with --salvage also those after it (exit code 1).",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)

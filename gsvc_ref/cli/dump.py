@@ -37,9 +37,7 @@ def add_command(commands: Any) -> None:
         "--at", metavar="BIT", type=bit_offset, help="name the element that holds this bit: 4255, or 531:7 (byte:bit)"
     )
     parser.add_argument("--frames", metavar="A:B", type=frame_range, help="only the chunks of frames A to B - 1")
-    parser.add_argument(
-        "--all", action="store_true", help="each symbol, frequency, state, word, ... on a line of its own"
-    )
+    parser.add_argument("--all", action="store_true", help="each symbol, frequency, state, word, ... on its own line")
     parser.add_argument("--json", action="store_true", help="print a JSON object for each element, one a line")
 
 
@@ -54,7 +52,7 @@ def bit_offset(text: str) -> int:
 def run(arguments: Namespace) -> int:
     """Print the elements; 0, or 1 for a damaged stream."""
     if arguments.at is not None and (arguments.frames or arguments.all):
-        raise UsageError("--at names one element; leave --frames and --all away")
+        raise UsageError("--at names one element; drop --frames and --all")
     check_input(arguments.input)
     from gsvc_ref.cli.compilation import reading
 
@@ -81,7 +79,7 @@ def _at(arguments: Namespace) -> int:
     if place.entry is None and place.fault is None:
         end = 0 if place.before is None else place.before.bit + place.before.bits
         raise UsageError(
-            f"bit {arguments.at} is behind the end: {display_name(arguments.input)} has the bits 0 to {end - 1}"
+            f"bit {arguments.at} is after the end: {display_name(arguments.input)} has the bits 0 to {end - 1}"
         )
     with _Lines(arguments) as lines:
         if arguments.json:

@@ -89,10 +89,10 @@ def rvq_update(
 
 def _in_turn(uniforms: F8) -> Draw:
     """Draws given numbers, each once."""
-    left = iter(uniforms.tolist())
+    numbers = iter(uniforms.tolist())
 
     def draw(count: int) -> F8:
-        drawn = np.array(list(islice(left, count)))
+        drawn = np.array(list(islice(numbers, count)))
         if len(drawn) < count:
             raise UsageError(f"there are {len(uniforms)} uniform numbers; give one for each dead codeword")
         return drawn

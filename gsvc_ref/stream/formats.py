@@ -60,7 +60,7 @@ def video_format(header: SequenceHeader) -> VideoFormat:
 
 def format_notes(header: SequenceHeader) -> list[str]:
     """Sentences without a full stop on where `video_format` differs from a header."""
-    notes = [f"the header says {said}: taken as {read}" for said, read in _beyond_their_ranges(header)]
+    notes = [f"the header says {value}: taken as {legal}" for value, legal in _beyond_their_ranges(header)]
     if _subsamples_identity(header):
         notes.append("the header says subsampled chroma and matrix 0, which has none: taken as 4:4:4")
     if (rate := header.frame_rate) != (nearest := _nearest_rate(rate)):

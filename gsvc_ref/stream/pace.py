@@ -48,12 +48,12 @@ class Pace:
             ("bytes", self.used.payload, allowed.payload),
         ):
             if used > most:
-                said = f"with frame {number}, second {second} has {used} {what}; level {header.level} allows {most}"
-                return "R-5-7", f"{said} in a second of a paced stream"
+                message = f"with frame {number}, second {second} has {used} {what}; level {header.level} allows {most}"
+                return "R-5-7", f"{message} in a second of a paced stream"
         distance, longest = number - self.last_i_frame, I_FRAME_SECONDS * header.frames_of_second
         if distance >= longest:
-            said = f"frame {number} follows the last I-frame by {distance} frames"
-            return "R-5-8", f"{said}; in this paced stream each {longest}th must be an I-frame, at least"
+            message = f"frame {number} follows the last I-frame by {distance} frames"
+            return "R-5-8", f"{message}; in this paced stream each {longest}th must be an I-frame, at least"
         return None
 
 

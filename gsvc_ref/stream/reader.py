@@ -170,7 +170,7 @@ class StreamReader:
         bits = Counter(self._decoder.opening_bits)
         frames: list[FrameSummary] = []
         gaps: list[Gap] = []
-        error, kept = None, None
+        error, payload = None, None
         times = no_times(self._decoder)
         parts: Iterator[DecodedChunk | Gap]
         if salvage:
@@ -186,7 +186,7 @@ class StreamReader:
                 bits += part.bits
                 _note_times(times, part)
                 if part.ancillary is not None and part.ancillary[0] == ancillary:
-                    kept = bytes(part.ancillary[1])
+                    payload = bytes(part.ancillary[1])
                 if (f := part.frame) is not None:
                     frames.append(FrameSummary(f.number, f.type, len(f.state.splats), f.bits, f.offset, f.size))
                 if (n := part.layer) is not None:
@@ -202,7 +202,7 @@ class StreamReader:
         file_bytes = max(file_bytes, bits.total() // 8)  # it may have grown since it was opened
         counted = {category: bits[category] for category in categories_of(self.header.profile)}
         counted["skipped" if salvage else "unread"] = 8 * file_bytes - sum(counted.values())
-        return StreamSummary(self.header, frames, counted, file_bytes, error, times, gaps, kept)
+        return StreamSummary(self.header, frames, counted, file_bytes, error, times, gaps, payload)
 
     def close(self) -> None:
         """Close the file, if a path was given."""

@@ -76,10 +76,10 @@ def hop_over_window(decoder: ChunkDecoder, here: Place, number: int, *, stop_at:
     source = decoder.source
     with source.lock:
         source.seek(here.offset)
-        left = source.current_size() - here.offset
+        rest = source.current_size() - here.offset
         data = np.frombuffer(source.read(SEARCH_SIZE), np.uint8)
     at, next_number, index_length, i_at, i_number = _hop(
-        data, left, decoder.header.limits.payload, here.next_number, number, stop_at
+        data, rest, decoder.header.limits.payload, here.next_number, number, stop_at
     )
     i_frame = replace(here, offset=here.offset + i_at, next_number=i_number) if i_at >= 0 else None
     return i_frame, replace(here, offset=here.offset + at, next_number=next_number, index_length=index_length)
@@ -87,11 +87,11 @@ def hop_over_window(decoder: ChunkDecoder, here: Place, number: int, *, stop_at:
 
 @kernel()
 def _hop(
-    data: NDArray[np.uint8], left: int, longest: int, next_number: int, number: int, stop_at: int
+    data: NDArray[np.uint8], rest: int, longest: int, next_number: int, number: int, stop_at: int
 ) -> tuple[int, int, int, int, int]:
     """Hop over ancillary chunks and frames `next_number` to `number`, or up to the first other chunk.
 
-    `data` begins with a chunk, and `left` bytes are left of the source from there; `longest` is the most of a payload.
+    `data` begins with a chunk, and the source has `rest` bytes from there; `longest` is the most of a payload.
     `stop_at` is a type of ancillary chunks that are not hopped over; 0: none. Returns offset in `data` and number of
     what comes next, and the bytes of the chunk before it if that is an index, else 0; offset and number of the last
     I-frame, with offset -1 if there was none.
@@ -102,7 +102,7 @@ def _hop(
         predicted = chunk_type in (chunks.P_TYPE, chunks.R_TYPE)
         ancillary = 0x61 <= chunk_type <= 0x7A and chunk_type != stop_at
         end = payload_end(data, at, longest)
-        if end < 0 or end + CRC_SIZE > left or not (predicted or ancillary or chunk_type == chunks.I_TYPE):
+        if end < 0 or end + CRC_SIZE > rest or not (predicted or ancillary or chunk_type == chunks.I_TYPE):
             break
         if predicted and next_number == 0:  # R-6.4-2
             break

@@ -53,11 +53,11 @@ class Source:
 
     def _piece(self, size: int) -> bytes:
         """Some of the next `size` bytes; none at the end of the source."""
-        piece = self._taken(size)
+        piece = self._read_piece(size)
         self.offset += len(piece)
         return piece
 
-    def _taken(self, size: int) -> bytes:
+    def _read_piece(self, size: int) -> bytes:
         """What `_piece` gives, not yet counted."""
         if size > 0 and self._ahead:
             ahead, self._ahead = self._ahead, b""
@@ -70,7 +70,7 @@ class Source:
     def peek(self) -> int | None:
         """The next byte, which stays there; None at the end of the source."""
         if not self._ahead:
-            self._ahead = self._taken(1)
+            self._ahead = self._read_piece(1)
         return self._ahead[0] if self._ahead else None
 
     def seek(self, offset: int) -> None:

@@ -139,8 +139,8 @@ class StreamWriter:
         size = offset + len(s.getvalue()) - self._frame_end
         pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
         if self.header.paced_flag and (fault := pace.fault(self.header)) is not None:
-            rule, said = fault
-            raise UsageError(f"{said} ({rule}); {PACE_REMEDIES[rule]}")
+            rule, message = fault
+            raise UsageError(f"{message} ({rule}); {PACE_REMEDIES[rule]}")
         bits = self._append(s, payload_bits)
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offset))

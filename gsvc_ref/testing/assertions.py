@@ -89,15 +89,15 @@ def _difference(given: Splats | ArrayLike, expected: F4) -> str:
         return f": the shape is {array.shape}, expected {expected.shape}"
     if array.dtype != np.float32:
         return f": the type is {array.dtype}, expected float32"
-    bits, wanted = (np.ascontiguousarray(numbers, "<f4").view("<u4") for numbers in (array, expected))
-    differ = np.argwhere(bits != wanted)
+    bits, expected_bits = (np.ascontiguousarray(numbers, "<f4").view("<u4") for numbers in (array, expected))
+    differ = np.argwhere(bits != expected_bits)
     if not len(differ):
         return ""
     splat, column = (int(place) for place in differ[0])
-    count = f" ({len(differ)} of {wanted.size} parameters differ)" if len(differ) > 1 else ""
+    count = f" ({len(differ)} of {expected_bits.size} parameters differ)" if len(differ) > 1 else ""
     return (
         f", splat {splat}: {PARAMETERS[column]} is {array[splat, column]:.9g} (0x{bits[splat, column]:08x}), expected "
-        f"{expected[splat, column]:.9g} (0x{wanted[splat, column]:08x}){count}"
+        f"{expected[splat, column]:.9g} (0x{expected_bits[splat, column]:08x}){count}"
     )
 
 

@@ -45,7 +45,7 @@ def lines(name: str, found: "Estimate", settings: "Settings") -> list[str]:
         *(f"  note: {note}" for note in found.notes),
         f"settings: {describe_settings(settings, video.width, video.height)}",
         f"likely, by {plural(found.frames_tried, 'frame')} that were encoded and thrown away{per_second}:",
-        f"  time       {_with_range(found.seconds, duration)}, on this machine as busy as it is",
+        f"  time       {_with_range(found.seconds, duration)}, on this machine at its present load",
         f"  size       {_with_range(found.file_bytes, lambda size: f'{_rounded(size):,}')} bytes",
         f"  bits/pixel {_with_range(found.bits_per_pixel, lambda bits: f'{bits:.3g}')}",
         f"  mean PSNR  {_with_range(found.mean_psnr, lambda psnr: f'{psnr:.1f}')} dB",

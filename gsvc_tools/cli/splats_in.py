@@ -28,7 +28,7 @@ WRITE_OPTIONS: Final = (
 """Options that are arguments of `gsvc_ref.write` of the same name."""
 
 
-class _Given(NamedTuple):
+class _SplatFrames(NamedTuple):
     """Frames of splats, and what their files say about them."""
 
     frames: Any
@@ -45,7 +45,7 @@ def add_command(commands: Any) -> None:
         "import",
         help="write splats of any trainer as a .gsvc file",
         description="Write splats that were trained elsewhere as a .gsvc file: an NPZ file of all frames, or a PLY "
-        "file as gsplat and 3DGS write it for each frame. Nothing is fitted; what gets lost is said on standard error.",
+        "file as gsplat and 3DGS write it for each frame. Nothing is fitted. Standard error lists what is lost.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
@@ -130,28 +130,28 @@ def _import(arguments: Namespace) -> int:
     from gsvc_tools.writing.given_splats import SplatsError
 
     lost: list[str] = []
-    given = _opened(arguments, lost)
-    width = given.width if arguments.width is None else arguments.width
-    height = given.height if arguments.height is None else arguments.height
+    source = _opened(arguments, lost)
+    width = source.width if arguments.width is None else arguments.width
+    height = source.height if arguments.height is None else arguments.height
     if width is None or height is None:
         raise UsageError(
             f"{arguments.inputs[0]} does not say the size of the frames; give --width and --height in pixels"
         )
-    rate = arguments.frame_rate or given.frame_rate or Fraction(25)
+    rate = arguments.frame_rate or source.frame_rate or Fraction(25)
     options = {name: value for name in WRITE_OPTIONS if (value := getattr(arguments, name)) is not None}
     fault = None
     talkative = not (arguments.quiet or arguments.json)
     with compilation_notice(GSVC_IMPORT, silent=not talkative), ProgressDisplay(quiet=arguments.quiet) as display:
         try:
             report = write(
-                arguments.output, given.frames, width, height, rate, progress=progress_callback(display), **options
+                arguments.output, source.frames, width, height, rate, progress=progress_callback(display), **options
             )
         except IncompleteEncodeError as error:
             fault, report = error, error.report
         except SplatsError as error:
-            raise GsvcError("invalid", f"{given.files[error.frame]}: {error}") from None
+            raise GsvcError("invalid", f"{source.files[error.frame]}: {error}") from None
         finally:
-            given.frames.close()
+            source.frames.close()
     lost += [*report.notes, _quantised(report)]
     if arguments.json:
         print_json(report_object(arguments, report, lost))
@@ -161,26 +161,26 @@ def _import(arguments: Namespace) -> int:
         if talkative:
             show(summary(arguments.output, report), file=sys.stderr if arguments.output == STDIO else sys.stdout)
     if fault is not None:
-        place = f"{given.files[fault.__cause__.frame]}: " if isinstance(fault.__cause__, SplatsError) else ""
+        place = f"{source.files[fault.__cause__.frame]}: " if isinstance(fault.__cause__, SplatsError) else ""
         say(GSVC_IMPORT, str(GsvcError(fault.kind, place + fault.message, rule=fault.rule, bit=fault.bit)))
         return EXIT_DATA
     return EXIT_INTERRUPTED if report.interrupted else 0
 
 
-def _opened(arguments: Namespace, lost: list[str]) -> _Given:
+def _opened(arguments: Namespace, lost: list[str]) -> _SplatFrames:
     """The frames of the files; `lost` gets a sentence for each thing that they lose, when they are read."""
     from gsvc_tools.splat_files import NpzSplats
 
     inputs = [Path(name) for name in arguments.inputs]
     if len(inputs) == 1 and inputs[0].suffix.lower() == ".npz":
         splats = NpzSplats(inputs[0])
-        return _Given(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
+        return _SplatFrames(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
     files = [file for path in inputs for file in (_ply_files(path) if path.is_dir() else [path])]
     if wrong := next((file for file in files if file.suffix.lower() != ".ply"), None):
         raise UsageError(
             f"{wrong} is neither one NPZ file nor PLY; give OUT.gsvc last, and files of one kind before it"
         )
-    return _Given(_flattened(files, arguments, lost), files, None, None, None)
+    return _SplatFrames(_flattened(files, arguments, lost), files, None, None, None)
 
 
 def _ply_files(folder: Path) -> list[Path]:

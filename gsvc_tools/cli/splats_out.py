@@ -29,7 +29,7 @@ def add_command(commands: Any) -> None:
         "export",
         help="write the splats of a .gsvc file as NPZ or PLY",
         description="Write the splats of a .gsvc file: all frames as one NPZ file, or each as a PLY file as 3DGS has "
-        "it. What gets lost is said on standard error.",
+        "it. Standard error lists what is lost.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)

@@ -31,13 +31,12 @@ def add_where_options(parser: ArgumentParser) -> None:
     )  # fmt: skip
     where.add_argument(
         "--resume", action="store_true",
-        help="keep each group of pictures that is done in the folder OUT.gsvc.resume, and go on from those that are "
-        "there: whatever ends the encode, the same command with the same source goes on. The folder goes when the file "
-        "is complete",
+        help="keep each finished group of pictures in the folder OUT.gsvc.resume, which is removed once the file is "
+        "complete. After an encode that ended early, the same command with the same source continues from it",
     )  # fmt: skip
     where.add_argument(
         "--dry-run", action="store_true",
-        help="write nothing: encode some frames, and say what time, size and quality the whole is likely to take",
+        help="write nothing: encode some frames, and estimate the time, size and PSNR of the whole encode",
     )  # fmt: skip
 
 
@@ -53,7 +52,7 @@ def resume_folder(arguments: Namespace) -> Path | None:
         return None
     path = Path(arguments.output)
     if arguments.output == STDIO or (path.exists() and not path.is_file()):
-        raise UsageError("--resume keeps what is done beside the output, which must be a file")
+        raise UsageError("--resume keeps finished groups next to the output: the output must be a file")
     return path.with_name(f"{path.name}.resume")
 
 

@@ -107,13 +107,13 @@ class OpenedPart:
 
 
 def _open(source: Source) -> tuple[ChunkDecoder, Opening]:
-    said: dict[str, Any] = {}
+    elements: dict[str, Any] = {}
     try:
-        stream = ChunkDecoder(source, lambda element: said.setdefault(element.name, element.value))
+        stream = ChunkDecoder(source, lambda element: elements.setdefault(element.name, element.value))
     except BaseException:
         source.close()
         raise
-    return stream, Opening(said["version_minor"], stream.header, said.get("unknown", b""))
+    return stream, Opening(elements["version_minor"], stream.header, elements.get("unknown", b""))
 
 
 class _Index:
@@ -155,14 +155,14 @@ class CopiedStream:
         self._write_chunk(chunks.HEADER_TYPE, p.getvalue(), opening.later)
 
     def copy(
-        self, name: str, stream: ChunkDecoder, kept: Iterable[tuple[int, Reader]], *, with_times: bool = True
+        self, name: str, stream: ChunkDecoder, selection: Iterable[tuple[int, Reader]], *, with_times: bool = True
     ) -> Iterator[int]:
-        """Copy the chunks `kept` of a part (R-6.10-3, R-6.10-4); yields the bytes of it that have been read.
+        """Copy the chunks `selection` of a part (R-6.10-3, R-6.10-4); yields the bytes of it that have been read.
 
         Without `with_times` those of time stamps are left out; otherwise they are those of `times`.
         """
         first = self.frame_count
-        for chunk_type, p in kept:
+        for chunk_type, p in selection:
             rest = p.raw("payload", p.bytes_left, counted=False)
             if chunk_type in chunks.FRAMES:
                 self._write_frame(name, chunk_type, rest)

@@ -69,8 +69,8 @@ def cut(
     with opened_output(target) as file, part.again() as stream:
         result = CopiedStream(file, opening, same_frames=start == 0 and stop is None)
         timed = result.times.of_part(sound_chunks(stream), start, stop, 0)
-        kept = _kept(part.name, timed, start, stop)
-        for offset in result.copy(part.name, stream, kept):
+        selection = _selection(part.name, timed, start, stop)
+        for offset in result.copy(part.name, stream, selection):
             if progress is not None:
                 progress(0, offset, part.size)
         return result.finish()
@@ -85,7 +85,7 @@ def _header(header: SequenceHeader, layer: int, start: int, stop: int | None) ->
     return replace(header, layer_count=layer + 1, frame_count=count, paced_flag=header.paced_flag and same_seconds)
 
 
-def _kept(
+def _selection(
     name: str, all_chunks: Iterable[tuple[int, Reader]], start: int, stop: int | None
 ) -> Iterator[tuple[int, Reader]]:
     """The chunks of frames `start` to `stop` - 1, and those that belong to the whole stream."""

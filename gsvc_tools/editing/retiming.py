@@ -24,30 +24,30 @@ class Retiming:
 
         Frame `start` of the part gets the number `first` in the result.
         """
-        said = FrameTimes(self._frame_rate)
+        times = FrameTimes(self._frame_rate)
         number = 0
         for chunk_type, p in all_chunks:
             number += chunk_type in chunks.FRAMES
             if chunk_type != ord(TIMES):
                 yield chunk_type, p
-            elif said.add(p.rest, number) and (found := read_times(p.rest)) is not None:  # others say nothing
+            elif times.add(p.rest, number) and (found := read_times(p.rest)) is not None:  # others say nothing
                 ticks, begin, runs = found
-                kept_from, kept = _within(begin, runs, start, stop)
-                if kept and self._ticks in (None, ticks):
+                first_inside, runs_inside = _within(begin, runs, start, stop)
+                if runs_inside and self._ticks in (None, ticks):
                     self._ticks = ticks
-                    yield chunk_type, Reader(write_times(ticks, kept_from - start + first, kept))
-                elif kept:
+                    yield chunk_type, Reader(write_times(ticks, first_inside - start + first, runs_inside))
+                elif runs_inside:
                     self.lost += 1
 
 
 def _within(begin: int, runs: list[Run], start: int, stop: int | None) -> tuple[int, list[Run]]:
     """The runs of frames `start` to `stop` - 1 alone, and the first frame of the first one."""
-    kept = []
+    runs_inside = []
     first = max(begin, start)
     for frames, ticks in runs:
         end = begin + frames
         inside = (end if stop is None else min(end, stop)) - max(begin, start)
         if inside > 0:
-            kept.append((inside, ticks))
+            runs_inside.append((inside, ticks))
         begin = end
-    return first, kept
+    return first, runs_inside

@@ -90,51 +90,51 @@ class Cluster(Executor):
 
         The future raises a ClusterError if the workers that have it die one after the other, or the scheduler is gone.
         """
-        asked = _Call(pickle.dumps((function, arguments, options)))
-        self._give(asked)
-        return asked.future
+        request = _Call(pickle.dumps((function, arguments, options)))
+        self._give(request)
+        return request.future
 
-    def _give(self, asked: "_Call", workers: list[str] | None = None) -> None:
+    def _give(self, request: "_Call", workers: list[str] | None = None) -> None:
         """Give a call to the cluster, or to some of its workers."""
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # dask would rather have frames on a shared disk
-                asked.task = self._client.submit(
-                    call, code_version(), asked.data, workers=workers, retries=RETRIES, pure=False
+                request.task = self._client.submit(
+                    call, code_version(), request.data, workers=workers, retries=RETRIES, pure=False
                 )
         except Exception:  # the client is closed
-            self._again.put(asked)
+            self._again.put(request)
             return
-        asked.task.add_done_callback(partial(self._take, asked))
+        request.task.add_done_callback(partial(self._take, request))
 
-    def _take(self, asked: "_Call", task: Any) -> None:
+    def _take(self, request: "_Call", task: Any) -> None:
         """Take what became of a call, in a thread of dask; it is made again if the fault is not its own."""
-        if asked.future.done():
+        if request.future.done():
             return
         try:
-            worker, asked.result = pickle.loads(task.result())
+            worker, request.result = pickle.loads(task.result())
         except Exception as error:
             if task.status == "error":
-                asked.fail(_as_raised_here(error))
+                request.fail(_as_raised_here(error))
             else:  # it was lost with the scheduler, perhaps on its way back
-                self._again.put(asked)
+                self._again.put(request)
             return
-        if isinstance(getattr(asked.result, "fault", None), OSError | MemoryError) and len(asked.refused) < RETRIES:
-            asked.refused.append(worker)
-            self._again.put(asked)
+        if isinstance(getattr(request.result, "fault", None), OSError | MemoryError) and len(request.refused) < RETRIES:
+            request.refused.append(worker)
+            self._again.put(request)
         else:
-            asked.finish()
+            request.finish()
 
     def _call_again(self) -> None:
         """Make calls again: on the scheduler that comes back, or on a worker that may have more room."""
-        while (asked := self._again.get()) is not None:
+        while (request := self._again.get()) is not None:
             try:
                 workers = self._workers()
             except ClusterError as error:
-                asked.fail(error)
+                request.fail(error)
             else:
-                others = workers - set(asked.refused)
-                self._give(asked, sorted(others) if asked.refused and others else None)
+                others = workers - set(request.refused)
+                self._give(request, sorted(others) if request.refused and others else None)
 
     def _workers(self) -> set[str]:
         """The addresses of the workers; waits for a scheduler that is lost, with another client if dask gives up."""
@@ -200,7 +200,7 @@ def _as_raised_here(error: BaseException) -> Exception:
 
 @contextmanager
 def opened_cluster(address: str) -> Iterator[Cluster]:
-    """The executor of a cluster, whose workers have been asked whether they have this version of gsvc_ref.
+    """The executor of a cluster, whose workers were asked whether they have this version of gsvc_ref.
 
     Parameters
     ----------
@@ -275,8 +275,8 @@ def check_answers(answers: dict[str, Any]) -> None:
     """
     for worker, answer in sorted(answers.items()):
         if isinstance(answer, BaseException) and (missing := MISSING.search(str(answer))):
-            said = f"the worker at {worker} cannot make a task ({missing[0]})"
-            raise UsageError(f"{said}: install this version of gsvc_ref there")
+            message = f"the worker at {worker} cannot make a task ({missing[0]})"
+            raise UsageError(f"{message}: install this version of gsvc_ref there")
         if isinstance(answer, BaseException):
             raise UsageError(f"the worker at {worker} could not be asked for its version: {answer}")
         if answer != code_version():

@@ -11,7 +11,7 @@ import gsvc_tools
 
 PACKAGES: Final = tuple(Path(str(package.__file__)).resolve().parent for package in (gsvc_base, gsvc_ref, gsvc_tools))
 
-BESIDE_ENCODING: Final = ("cli", "editing", "exact", "pages", "splat_files", "testing", "viewing")
+NOT_OF_ENCODING: Final = ("cli", "editing", "exact", "pages", "splat_files", "testing", "viewing")
 """Folders of these packages that no encode depends on."""
 
 
@@ -22,6 +22,6 @@ def code_version() -> str:
     for package in PACKAGES:
         for path in sorted(package.rglob("*.py")):
             inside = path.relative_to(package)
-            if inside.parts[0] not in BESIDE_ENCODING:
+            if inside.parts[0] not in NOT_OF_ENCODING:
                 digest.update(inside.as_posix().encode() + b"\0" + path.read_bytes() + b"\0")
     return f"{gsvc_ref.__version__} {digest.hexdigest()[:12]}"

@@ -69,10 +69,10 @@ def encode_segment(coder: GroupCoder, frames: Sequence[tuple[Frame, FrameType, i
     for frame, kind, number in frames:
         begin = time.perf_counter()
         try:
-            made = coder.encode(frame, kind, number, silent)
+            result = coder.encode(frame, kind, number, silent)
         except Exception as error:
             return EncodedSegment(encoded, coder, _portable(error), traceback.format_exc())
-        encoded.append((made, time.perf_counter() - begin))
+        encoded.append((result, time.perf_counter() - begin))
     return EncodedSegment(encoded, coder)
 
 
@@ -104,7 +104,7 @@ class Group:
     ----------
     coder
         The coder for its next segment; None while the first frame of the stream has not decided what is in it.
-    waiting, given, done
+    waiting, segment, done
         Its frames: those for later segments, of the segment in work, and those that are encoded and not yet written.
     task
         The segment in work.
@@ -128,7 +128,7 @@ class Group:
         self.coder, self.resumed = coder, resumed
         self.segment_s = SEGMENT_S if segment_s is None else segment_s
         self.waiting: deque[TypedFrame[Frame]] = deque()
-        self.given: list[TypedFrame[Frame]] = []
+        self.segment: list[TypedFrame[Frame]] = []
         self.done: deque[Done] = deque()
         self.task: Future[EncodedSegment] | None = None
         self.tries = 0
@@ -139,18 +139,18 @@ class Group:
     @property
     def may_go_on(self) -> bool:
         """Whether its next segment can be given out."""
-        return self.task is None and self.fault is None and bool(self.given or self.waiting)
+        return self.task is None and self.fault is None and bool(self.segment or self.waiting)
 
     @property
     def left(self) -> int:
         """How long its frames will take that are known and not yet encoded, in P-frames."""
-        is_unbegun = bool(self.given or self.waiting) and (self.given or self.waiting)[0].type == "I"
-        return len(self.given) + len(self.waiting) + is_unbegun * (I_FRAME - 1)
+        is_unbegun = bool(self.segment or self.waiting) and (self.segment or self.waiting)[0].type == "I"
+        return len(self.segment) + len(self.waiting) + is_unbegun * (I_FRAME - 1)
 
     @property
     def is_written(self) -> bool:
         """Whether nothing of it is left to be done."""
-        return self.is_whole and not (self.waiting or self.given or self.done)
+        return self.is_whole and not (self.waiting or self.segment or self.done)
 
     def take(self, item: TypedFrame[Frame]) -> float | None:
         """Take its next frame from the source; the PSNR of one that was kept, which then is done."""
@@ -169,18 +169,18 @@ class Group:
 
     def take_segment(self) -> list[tuple[Frame, FrameType, int]]:
         """The frames of the next segment, or again of one that was lost."""
-        if not self.given:
+        if not self.segment:
             most = min(
                 MOST_FRAMES * max(1, round(self.segment_s / SEGMENT_S)), MOST_BYTES // self.waiting[0].frame.nbytes
             )
             count = min(max(1, min(int(self.segment_s / self.pace), most)), len(self.waiting))
-            self.given = [self.waiting.popleft() for _ in range(count)]
-        return [(item.frame, item.type, item.number) for item in self.given]
+            self.segment = [self.waiting.popleft() for _ in range(count)]
+        return [(item.frame, item.type, item.number) for item in self.segment]
 
     def keep(self, segment: EncodedSegment) -> None:
         """Keep what became of the frames given."""
         self.tries = 0
-        for item, (encoded, seconds) in zip(self.given, segment.frames, strict=False):
+        for item, (encoded, seconds) in zip(self.segment, segment.frames, strict=False):
             self.done.append(Done(replace(item, frame=NO_PICTURE), encoded, seconds, item.frame.nbytes))
             self.pace = max(seconds, 1e-6)
             if self.resumed is not None:
@@ -188,4 +188,4 @@ class Group:
         if segment.fault is not None:
             self.fault = segment.fault
             self.fault.__cause__ = RemotePlaceError(segment.place)
-        self.given, self.coder = [], segment.coder
+        self.segment, self.coder = [], segment.coder

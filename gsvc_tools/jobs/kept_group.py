@@ -132,7 +132,7 @@ class KeptGroup:
             raise GsvcError("malformed", NOT_A_GROUP)
         self.header = reader.header
         self._frames = reader.frames()
-        self._taken = 0
+        self._position = 0
 
     def next_frame(self) -> tuple[EncodedFrame, float]:
         """The next frame, and the seconds that it took.
@@ -142,8 +142,8 @@ class KeptGroup:
         GsvcError
             Its bits are not those of a frame, although the checksum fits.
         """
-        frame, record = next(self._frames), self._records[self._taken]
-        self._taken += 1
+        frame, record = next(self._frames), self._records[self._position]
+        self._position += 1
         layers = _layers(frame, record.layers) if self.header.layer_count > 1 else ()
         return (
             EncodedFrame(

@@ -41,7 +41,7 @@ MAX_ABOUT: Final = 1 << 20
 SHORT: Final = 40
 """Maximum length of the values of a setting that are named if they differ."""
 
-BESIDE_THE_POINT: Final = ("threads",)
+IGNORED_SETTINGS: Final = ("threads",)
 """Settings that the bytes do not depend on."""
 
 
@@ -51,10 +51,10 @@ class ChangedSourceError(NothingSavedError):
 
 def about_encode(video: VideoFormat, settings: Settings) -> dict[str, Any]:
     """What must be equal for an encode to go on with another, as JSON has it."""
-    kept = {name: value for name, value in asdict(settings).items() if name not in BESIDE_THE_POINT}
-    about = {"code": code_version(), "source": asdict(video), "settings": kept}
-    said: dict[str, Any] = json.loads(json.dumps(about, default=str))
-    return said
+    compared = {name: value for name, value in asdict(settings).items() if name not in IGNORED_SETTINGS}
+    about = {"code": code_version(), "source": asdict(video), "settings": compared}
+    data: dict[str, Any] = json.loads(json.dumps(about, default=str))
+    return data
 
 
 class Keeper:
@@ -160,9 +160,9 @@ class Keeper:
                 file.write(data)
         except OSError as error:
             self._is_full = True
-            said = error.strerror or str(error)
+            reason = error.strerror or str(error)
             self._faults.append(
-                f"groups from frame {first} on could not be kept in {self.folder} ({said}): if this encode is ended, "
+                f"groups from frame {first} on could not be kept in {self.folder} ({reason}): if this encode is ended, "
                 "they are encoded again"
             )
 

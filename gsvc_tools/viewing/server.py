@@ -148,8 +148,8 @@ class Handler(BaseHTTPRequestHandler):
             self._send(200, "application/json", json.dumps(viewing.described()).encode())
         elif path == "stream":
             self._stream(viewing.stream)
-        elif viewing.source is not None and (asked := re.fullmatch(r"source/(\d{1,9})", path, re.ASCII)):
-            self._source(viewing.source, int(asked[1]))
+        elif viewing.source is not None and (match := re.fullmatch(r"source/(\d{1,9})", path, re.ASCII)):
+            self._source(viewing.source, int(match[1]))
         else:
             self.send_error(404)
 
@@ -173,15 +173,15 @@ class Handler(BaseHTTPRequestHandler):
         if stream.live:
             self._follow(stream)
             return
-        asked = parse_range(self.headers.get("Range"), size)
-        if asked is not None and asked.start >= size:
+        byte_range = parse_range(self.headers.get("Range"), size)
+        if byte_range is not None and byte_range.start >= size:
             self._head(416, SAMPLES, 0, {"Content-Range": f"bytes */{size}"})
             return
-        part = asked or range(size)
+        part = byte_range or range(size)
         more = {"Accept-Ranges": "bytes"}
-        if asked is not None:
+        if byte_range is not None:
             more["Content-Range"] = f"bytes {part.start}-{part.stop - 1}/{size}"
-        self._head(200 if asked is None else 206, SAMPLES, len(part), more)
+        self._head(200 if byte_range is None else 206, SAMPLES, len(part), more)
         at = part.start
         while self.command == "GET" and at < part.stop:
             piece = stream.read(at, min(SENT_AT_ONCE, part.stop - at))

@@ -26,8 +26,8 @@ class SourceFrames:
         self.format: VideoFormat = self._reader.format
         self._frame_bytes = 3 * self.format.width * self.format.height * (1 if self.format.bit_depth == 8 else 2)
         self._room = most_kept // self._frame_bytes
-        self._kept: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115  (until `close`)
-        self._kept_count = 0
+        self._file: BinaryIO = tempfile.TemporaryFile()  # noqa: SIM115  (until `close`)
+        self._frame_count = 0
         self._next = 0  # the number of the frame that the reader gives next
         self._fault: GsvcError | None = None  # what the reader gives in its place
         self._lock = threading.Lock()
@@ -39,9 +39,9 @@ class SourceFrames:
         """
         number += self._first
         with self._lock:
-            if number < self._kept_count:
-                self._kept.seek(number * self._frame_bytes)
-                return self._kept.read(self._frame_bytes)
+            if number < self._frame_count:
+                self._file.seek(number * self._frame_bytes)
+                return self._file.read(self._frame_bytes)
             if number < self._next:
                 self._reader.close()
                 self._reader, self._next, self._fault = open_video(self.name), 0, None
@@ -50,7 +50,7 @@ class SourceFrames:
                 frame = self._read()
                 if frame is None:
                     return None
-                if self._next == number or self._is_kept_next():
+                if self._next == number or self._fits_next():
                     data = _bytes(frame)
                     self._keep(data)
                 self._next += 1
@@ -66,25 +66,25 @@ class SourceFrames:
             self._fault = error
             raise
 
-    def _is_kept_next(self) -> bool:
-        return self._next == self._kept_count < self._room
+    def _fits_next(self) -> bool:
+        return self._next == self._frame_count < self._room
 
     def _keep(self, data: bytes) -> None:
-        if not self._is_kept_next():
+        if not self._fits_next():
             return
         try:
-            self._kept.seek(self._next * self._frame_bytes)
-            self._kept.write(data)
+            self._file.seek(self._next * self._frame_bytes)
+            self._file.write(data)
         except OSError:  # the disk is full
-            self._room = self._kept_count
+            self._room = self._frame_count
         else:
-            self._kept_count += 1
+            self._frame_count += 1
 
     def close(self) -> None:
         """Release the source."""
         with self._lock:
             self._reader.close()
-            self._kept.close()
+            self._file.close()
 
 
 def _bytes(frame: Frame) -> bytes:

@@ -76,7 +76,7 @@ class GrowingFile(WholeFile):
         super().__init__(path)
         self._quiet = quiet
         self._last_size = 0
-        self._grown = time.monotonic()
+        self._last_growth = time.monotonic()
 
     def size(self) -> int:
         """Its size in bytes; 0 before it is there."""
@@ -96,9 +96,9 @@ class GrowingFile(WholeFile):
         """Whether its encoder has ended."""
         size = self.size()
         if size != self._last_size:
-            self._last_size, self._grown = size, time.monotonic()
+            self._last_size, self._last_growth = size, time.monotonic()
         complete = is_end(self.read(max(size - END_CHUNK_SIZE, 0), END_CHUNK_SIZE))
-        if size == 0 or not (complete or time.monotonic() - self._grown >= self._quiet):
+        if size == 0 or not (complete or time.monotonic() - self._last_growth >= self._quiet):
             return False
         with suppress(OSError), self.path.open("rb") as file:
             locked = try_lock(file)
@@ -123,7 +123,7 @@ class Pipe:
 
     def __init__(self, pipe: BinaryIO) -> None:
         self._pipe = pipe
-        self._kept = tempfile.TemporaryFile()  # noqa: SIM115  (for as long as the object lives)
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115  (for as long as the object lives)
         self._size, self._ended = 0, False
         self._lock = threading.Lock()
         self.fault: OSError | None = None
@@ -133,8 +133,8 @@ class Pipe:
         try:
             while piece := self._pipe.read1(SENT_AT_ONCE):  # type: ignore[attr-defined]
                 with self._lock:
-                    self._kept.seek(self._size)
-                    self._kept.write(piece)
+                    self._file.seek(self._size)
+                    self._file.write(piece)
                     self._size += len(piece)
         except OSError as error:  # the disk is full: what came before stays
             self.fault = error
@@ -149,8 +149,8 @@ class Pipe:
     def read(self, first: int, count: int) -> bytes:
         """Bytes from an offset on."""
         with self._lock:
-            self._kept.seek(first)
-            return self._kept.read(min(count, max(self._size - first, 0)))
+            self._file.seek(first)
+            return self._file.read(min(count, max(self._size - first, 0)))
 
     def ended(self) -> bool:
         """Whether the other end is closed."""
@@ -159,4 +159,4 @@ class Pipe:
     def close(self) -> None:
         """Forget what has come."""
         with self._lock:
-            self._kept.close()
+            self._file.close()

@@ -202,7 +202,7 @@ def test_bits_behind_the_end(dump, save):
 
 @pytest.mark.parametrize(
     ("options", "message"),
-    [(["--at", "x"], "neither a bit"), (["--at", "5:8"], "neither a bit"), (["--at", "5", "--all"], "leave --frames")],
+    [(["--at", "x"], "neither a bit"), (["--at", "5:8"], "neither a bit"), (["--at", "5", "--all"], "drop --frames")],
 )
 def test_wrong_use(dump, save, options, message):
     status, _, errors = dump(save(OVERVIEW), *options)

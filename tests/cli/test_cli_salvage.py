@@ -118,7 +118,7 @@ def test_what_plain_decoding_says_of_damage(save, tmp_path, gsvc):
     assert "[R-6.2-2, byte " in fault
     assert consequence == (
         f"gsvc decode: {folder} holds the 4 complete frames before the fault; missing: frames 4 to 9. "
-        "Fetch the file again if you can; --salvage finds more frames behind the damage"
+        "Fetch the file again if you can; --salvage finds more frames after the damage"
     )
     assert_are_those_of(pictures(folder), range(4))
 
