@@ -26,39 +26,23 @@ MAIN_MODES: Final[dict[EffectName, tuple[Mode, ...]]] = {
 
 @dataclass(frozen=True)
 class Effects:
-    """The mode of each effect: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere.
+    """The mode of each effect: ``auto`` where the scene calls for it, ``all`` on every frame, ``off`` nowhere."""
 
-    Attributes
-    ----------
-    frames
-        ``auto``: a frame that equals the one before becomes an R-frame without a step; ``all``: every frame is coded.
-    regions
-        ``auto``: what changes too little to be seen stays as it is; ``all``: every change of a splat is coded.
-    gsa
-        Splats added to P-frames. ``auto``: to those that are predicted worse than the frame before is; ``all``: to
-        every P-frame (paper section 3.5); ``off``: none.
-    dks
-        Key frames when `Settings.key_frames` is ``auto``. ``auto``: only frames that a cheap measure suspects are
-        pre-trained; ``all``: every frame, twice (paper section 3.6); ``off``: no key frame but the first.
-    gsp
-        Splats removed. ``auto``: only those that the rate has no room for; ``all``: as many as are added, and with
-        preset ``paper`` during every fit (paper section 3.4); ``off``: none, so that splats are added only while there
-        is room.
-    motion
-        ``auto``: P-frames begin with the splats moved along the optical flow, where that brings the picture closer;
-        ``off``: never. Ours, not the paper's.
-
-    Raises
-    ------
-    UsageError
-        A field has another value.
-    """
-
+    # ``auto``: a frame that equals the one before becomes an R-frame without a step; ``all``: every frame is coded
     frames: Literal["auto", "all"] = "auto"
+    # ``auto``: what changes too little to be seen stays as it is; ``all``: every change of a splat is coded
     regions: Literal["auto", "all"] = "auto"
+    # Splats added to P-frames. ``auto``: to those that are predicted worse than the frame before is; ``all``: to every
+    # P-frame (paper section 3.5); ``off``: none.
     gsa: Literal["auto", "all", "off"] = "auto"
+    # Key frames when `Settings.key_frames` is ``auto``. ``auto``: only frames that a cheap measure suspects are
+    # pre-trained; ``all``: every frame, twice (paper section 3.6); ``off``: no key frame but the first.
     dks: Literal["auto", "all", "off"] = "auto"
+    # Splats removed. ``auto``: only those that the rate has no room for; ``all``: as many as are added, and with preset
+    # ``paper`` during every fit (paper section 3.4); ``off``: none, so that splats are added only while there is room.
     gsp: Literal["auto", "all", "off"] = "auto"
+    # ``auto``: P-frames begin with the splats moved along the optical flow, where that brings the picture closer;
+    # ``off``: never. Ours, not the paper's.
     motion: Literal["auto", "off"] = "auto"
 
     def __post_init__(self) -> None:
@@ -66,13 +50,7 @@ class Effects:
 
     @classmethod
     def parse(cls, text: str) -> Self:
-        """The effects that a text names, such as ``auto`` or ``auto,gsa=off,dks=all``: a base, then switches by name.
-
-        Raises
-        ------
-        UsageError
-            A word of the text is unknown; the message lists those that there are.
-        """
+        """The effects of a text such as ``auto`` or ``auto,gsa=off,dks=all``: a base, then switches by name."""
         base, *switches = [part.strip() for part in text.split(",")]
         if base not in ("auto", "all"):
             raise UsageError(f"effects {text!r} begin with {base!r}; give auto or all first, then for instance gsa=off")
@@ -89,13 +67,7 @@ class Effects:
         return replace(effects, **given)
 
     def check_main(self) -> None:
-        """Refuse modes that profile `main` does not have.
-
-        Raises
-        ------
-        UsageError
-            Names the effect, and its modes there.
-        """
+        """Refuse modes that profile `main` does not have."""
         for name, modes in MAIN_MODES.items():
             if (mode := self.mode(name)) not in modes:
                 allowed = "; ".join(f"{other}={'|'.join(those)}" for other, those in MAIN_MODES.items())

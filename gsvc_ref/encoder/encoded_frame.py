@@ -14,60 +14,30 @@ OnStage = Callable[[str, int, int, float | None], None]
 
 @dataclass(frozen=True)
 class EncodedLayer:
-    """A layer of a frame as it is encoded.
+    """A layer of a frame as it is encoded."""
 
-    Attributes
-    ----------
-    layer
-        0 for the base.
-    codes
-        The codes to be written.
-    state
-        The decoder's state of this layer after the frame.
-    psnr
-        PSNR of the decoded frame with all layers up to this one, in dB.
-    """
-
-    layer: int
+    layer: int  # 0 for the base
     codes: MainCodes
-    state: MainState
-    psnr: float
+    state: MainState  # the decoder's, after the frame
+    psnr: float  # in dB, with all layers up to this one
 
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """A frame as it is encoded: by its coder, and with what `loop.described` adds.
-
-    Attributes
-    ----------
-    codes
-        The codes to be written.
-    state
-        The decoder's state after the frame, with the reconstructed splats.
-    psnr
-        PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source.
-    iterations
-        The number of iterations of all fits and of quantisation together; in profile `main`, of evaluations.
-    seconds
-        Time by stage: start, fit, quantize, check; in profile `main` intra, inter, check.
-    decisions
-        The decisions of its coder; described, one about each effect.
-    reason
-        Why the frame is of its type, if its coder has chosen that; described, in any case.
-    layers
-        The base and the layers above it; none of a frame that has no layers.
-    number, elapsed_s
-        Described: its number, and the seconds that it took.
-    """
+    """A frame as it is encoded: by its coder, and with what `loop.described` adds to it."""
 
     codes: AnyCodes
-    state: AnyState
+    state: AnyState  # the decoder's, after the frame
+    # PSNR of the decoded frame at its bit depth, with all of its layers, in dB; infinite if equal to the source
     psnr: float
+    # of all fits and of quantisation; in profile `main` the number of evaluations
     iterations: int
+    # by stage: start, fit, quantize, check; in profile `main` intra, inter, check
     seconds: dict[str, float] = field(default_factory=dict)
-    decisions: tuple[Decision, ...] = ()
-    reason: str | None = None
-    layers: tuple[EncodedLayer, ...] = ()
+    decisions: tuple[Decision, ...] = ()  # those of its coder; `described` makes them one for each effect
+    reason: str | None = None  # why it is of its type, if its coder chose that; `described` always says it
+    layers: tuple[EncodedLayer, ...] = ()  # the base and those above it; empty without layers
+    # `described` sets both; the time is that of the whole frame
     number: int = 0
     elapsed_s: float = 0.0
 

@@ -13,7 +13,7 @@ ELEMENTS: Final = {"cholesky_bits": (1, 12), "color_stages": (1, 8), "color_code
 
 @dataclass(frozen=True)
 class QuickFit:
-    """A fit by L-BFGS, of about so many evaluations."""
+    """A fit by L-BFGS of about `iterations` evaluations."""
 
     iterations: int
 
@@ -28,25 +28,15 @@ class QuickFit:
 
 @dataclass(frozen=True)
 class FrameSettings:
-    """How the frames of one type are fitted and quantised.
+    """How the frames of one type are fitted and quantised."""
 
-    Attributes
-    ----------
-    fit
-        The fit in binary32, before quantisation: by Adan from a random start as in the paper, or by L-BFGS from splats
-        drawn from the picture.
-    tune
-        Quantisation-aware fine-tuning.
-    quantizer
-        The quantisers.
-    new_fraction
-        P-frames: the fraction of N that GSA adds; at random places as in the paper, with L-BFGS where the prediction is
-        wrong.
-    """
-
+    # The fit in binary32, before quantisation: by Adan from a random start as in the paper, or by L-BFGS from splats
+    # drawn from the picture
     fit: FitSettings | QuickFit
     tune: FitSettings
     quantizer: BlockSettings
+    # P-frames: the fraction of N that GSA adds; at random places as in the paper, with L-BFGS where the prediction is
+    # wrong
     new_fraction: float = 0.1
 
     def __post_init__(self) -> None:
@@ -72,39 +62,22 @@ class FrameSettings:
 
 @dataclass(frozen=True)
 class DetectionSettings:
-    """Dynamic key-frame selection (paper section 3.6).
+    """How key frames are found (DKS, paper section 3.6)."""
 
-    Attributes
-    ----------
-    iterations
-        Pre-training iterations of each frame, as I-frame and again as P-frame.
-    splats
-        Maximum number of splats in pre-training; None: those of the frame.
-    longest_side
-        Pre-train on the frame reduced to at most this many pixels on its longer side; None: as it is.
-    window
-        Frames on each side that the statistics are taken over.
-    threshold
-        A key frame exceeds the mean by this many standard deviations.
-    rule
-        ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise.
-    guard_ratio
-        By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor.
-    start
-        Pre-train from ``random`` splats as in the paper, or from splats drawn from the ``image``.
-    intra_fit, inter_fit
-        How frames are pre-trained, but for the number of iterations and GSP. What tells a cut is how far short fits
-        get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
-    """
-
-    iterations: int = 500
-    splats: int | None = None
+    iterations: int = 500  # Pre-training iterations of each frame, as I-frame and again as P-frame
+    splats: int | None = None  # Maximum number of splats in pre-training; None: those of the frame
+    # Pre-train on the frame reduced to at most this many pixels on its longer side; None: as it is
     longest_side: int | None = None
-    window: int = 10
-    threshold: float = 3.0
+    window: int = 10  # Frames on each side that the statistics are taken over
+    threshold: float = 3.0  # A key frame exceeds the mean by this many standard deviations
+    # ``paper``, or ``robust``: statistics that leave the frame itself out, and a guard against noise
     rule: Literal["paper", "robust"] = "paper"
+    # By the robust rule, a key frame's loss as a P-frame exceeds that as an I-frame by at least this factor
     guard_ratio: float = GUARD_RATIO
+    # Pre-train from ``random`` splats as in the paper, or from splats drawn from the ``image``
     start: Literal["random", "image"] = "random"
+    # intra_fit, inter_fit: How frames are pre-trained, but for the number of iterations and GSP. What tells a cut is
+    # how far short fits get, by Adan: after as many steps of L-BFGS most frames are about as good from either start.
     intra_fit: FitSettings = field(default_factory=FitSettings)
     inter_fit: FitSettings = field(default_factory=FitSettings)
 

@@ -40,15 +40,10 @@ MIN_VARIANCE: Final = 1e-4
 
 @dataclass(frozen=True)
 class TypedFrame(Generic[FrameT]):
-    """A source frame with its number, its type, the reason for it, and what was decided on the way.
-
-    The frame is (H, W, 3) u1 or u2, or the splats that are given.
-
-    The decisions are those about ``frames`` and ``dks``.
-    """
+    """A source frame, its type and why it has it, and the decisions about ``frames`` and ``dks``."""
 
     number: int
-    frame: FrameT
+    frame: FrameT  # (H, W, 3) u1 or u2, or given splats
     type: FrameType
     reason: str
     decisions: tuple[Decision, ...] = ()
@@ -75,7 +70,7 @@ def typed_frames(
         if number == 0:
             kind: FrameType = "I"
             reason, why = "first frame", Decision("frames", True, "the first frame")
-        elif is_key and settings.key_frames != "auto":  # asked for, so there whatever the picture
+        elif is_key and settings.key_frames != "auto":  # asked for, so also where the picture repeats
             kind, why = "I", Decision("frames", True, "asked for")
         elif repeated:
             kind, reason = "R", "equal to the frame before"
@@ -133,7 +128,7 @@ def _pretraining_steps(settings: Settings, number: int) -> int:
 
 
 class _Everywhere:
-    """The paper's way: every frame is pre-trained twice."""
+    """The paper's rule: every frame is pre-trained twice."""
 
     def __init__(self, settings: Settings, peak: int) -> None:
         self.settings, self.peak = settings, peak
@@ -180,7 +175,7 @@ class _Seen(NamedTuple):
 
 
 class _WhereSuspected:
-    """Our way: only frames that a cheap measure suspects are pre-trained."""
+    """Ours: only frames that a cheap measure suspects are pre-trained."""
 
     def __init__(self, settings: Settings, peak: int) -> None:
         self.settings, self.peak = settings, np.float32(peak)

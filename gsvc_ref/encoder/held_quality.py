@@ -12,10 +12,10 @@ from gsvc_base.splats import F4
 from gsvc_ref.main.tables import QUANTIZERS
 
 ENOUGH: Final = 0.1
-"""A frame with at most so many dB more than asked for is not made coarser."""
+"""A frame at most this many dB above the goal is not made coarser."""
 
 I_TRIES, MOST_TRIES = 5, 10
-"""The most numbers of splats that are tried for an I-frame, and as long as none of them reaches the goal."""
+"""Maximum number of tries for an I-frame, once one has reached the goal and as long as none has."""
 
 FIRST_DB, LEAST_DB, MOST_DB = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
@@ -30,7 +30,7 @@ MOST_WORTH_OCTAVES: Final = 16.0
 """No change is worth 2 to this power times as much as the settings ask of it."""
 
 MOST_DROP: Final = 1.0
-"""Where I-frames do not reach the goal, a P-frame may have so many dB less than the last one."""
+"""Where I-frames miss the goal, a P-frame may be this many dB below the last I-frame."""
 
 DB_PER_STEP: Final = 0.4
 """First guess of the PSNR in dB that a frame loses by a D an eighth of an octave coarser."""
@@ -63,26 +63,16 @@ class Coded(Judged, Protocol):
 CodedT = TypeVar("CodedT", bound=Coded)
 
 
-def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: float) -> tuple[int, JudgedT]:
+def fewest_splats(
+    make: Callable[[int], JudgedT],  # makes a frame of a number of splats
+    first: int,  # the number tried first
+    most: int,  # the largest number allowed
+    goal: float,  # PSNR in dB
+) -> tuple[int, JudgedT]:
     """The frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
 
-    The number follows from the last two by a line over its logarithm.
-
-    Parameters
-    ----------
-    make
-        Makes a frame of a number of splats.
-    first, most
-        The number that is tried first, and the largest allowed.
-    goal
-        PSNR in dB. The search ends with at most ENOUGH above it, or after I_TRIES, later if none reaches it.
-
-    Returns
-    -------
-    number
-        The number of splats asked for.
-    frame
-        What `make` made of it.
+    The next number follows from the last two by a line over its logarithm. The search ends with at most ENOUGH above
+    the PSNR, or after I_TRIES, later if none reaches it. Returns the number asked for, and what `make` made of it.
     """
     tried: dict[int, JudgedT] = {}
     number, last, slope = first, first, FIRST_DB
@@ -108,20 +98,13 @@ def fewest_splats(make: Callable[[int], JudgedT], first: int, most: int, goal: f
     return number, tried[number]
 
 
-def most_spared(make: Callable[[int], JudgedT], whole: JudgedT, count: int, goal: float) -> JudgedT:
-    """The frame without as many of its `count` splats as it can spare for a PSNR that it has, found by bisection.
-
-    Parameters
-    ----------
-    make
-        Makes the frame without a number of splats, from 1 to `count` - 1.
-    whole
-        The frame with all of them.
-    count
-        Their number.
-    goal
-        PSNR in dB.
-    """
+def most_spared(
+    make: Callable[[int], JudgedT],  # makes the frame without 1 to count - 1 of its splats
+    whole: JudgedT,  # the frame with all of them
+    count: int,
+    goal: float,  # PSNR in dB
+) -> JudgedT:
+    """The frame without as many of its `count` splats as it can spare for a PSNR that it has, found by bisection."""
     best, spared, needed = whole, 0, count
     while needed - spared > 1:
         fewer = (spared + needed) // 2
@@ -133,18 +116,12 @@ def most_spared(make: Callable[[int], JudgedT], whole: JudgedT, count: int, goal
     return best
 
 
-def coarser(make: Callable[[float], JudgedT], frame: JudgedT, goal: float) -> JudgedT:
-    """The frame with the fewest changes, of those that are tried, that reaches a PSNR; one that misses it stays.
-
-    Parameters
-    ----------
-    make
-        Makes the frame in which a change must be worth so many times as much as in `frame`.
-    frame
-        The frame to begin with.
-    goal
-        PSNR in dB.
-    """
+def coarser(
+    make: Callable[[float], JudgedT],  # makes the frame in which a change must be worth this many times as much
+    frame: JudgedT,
+    goal: float,  # PSNR in dB
+) -> JudgedT:
+    """The frame with the fewest changes, of those that are tried, that reaches a PSNR; one that misses it stays."""
     if frame.psnr < goal:
         return frame
     best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
@@ -167,27 +144,16 @@ def is_missed(psnr: float, goal: float, intra_psnr: float) -> bool:
 
 
 def coarsest(
-    make: Callable[[int], CodedT],
-    first: int,
-    goal: float,
-    tries: int,
-    most_bits: float,
-    tried: Mapping[int, CodedT] = MappingProxyType({}),
+    make: Callable[[int], CodedT],  # makes a frame with a quantizer, 0..79
+    first: int,  # the quantizer tried first
+    goal: float,  # PSNR in dB
+    tries: int,  # at most
+    most_bits: float,  # a frame that misses the goal with more bits ends the search
+    tried: Mapping[int, CodedT] = MappingProxyType({}),  # frames by their quantizer
 ) -> CodedT:
     """The frame with the coarsest step D, of those that are tried, that reaches a PSNR; otherwise the best.
 
-    Parameters
-    ----------
-    make
-        Makes a frame of profile `main` with a quantiser, 0..79.
-    first, tries
-        The quantiser that is tried first, and the most that are tried.
-    goal
-        PSNR in dB. The search ends with at most ENOUGH above it.
-    most_bits
-        A frame that misses the goal with more bits ends the search.
-    tried
-        Frames that there are already, by their quantiser.
+    The search ends with at most ENOUGH above the PSNR.
     """
     found, quantizer, leap = dict(tried), first, 1
     for _ in range(tries):

@@ -42,36 +42,17 @@ GUARD_RATIO: Final = 2.0
 
 
 class KeyFrameSelector:
-    """Decides frame after frame, in constant memory.
-
-    Parameters
-    ----------
-    window
-        w, at least 0.
-    threshold
-        k, at least 0.
-    rule
-        ``paper`` or ``robust``.
-    causal
-        Decide at once, from the frames up to the present one alone: the window is t - w..t, and the rule always the
-        robust one. Otherwise a decision comes `window` frames later.
-    guard_ratio
-        g, at least 0.
-
-    Raises
-    ------
-    UsageError
-        A parameter is out of its range.
-    """
+    """Decides frame after frame, in constant memory."""
 
     def __init__(
         self,
         *,
-        window: int = WINDOW,
-        threshold: float = THRESHOLD,
+        window: int = WINDOW,  # w
+        threshold: float = THRESHOLD,  # k
         rule: Rule = "paper",
+        # decide at once: the window is t - w..t and the rule robust; else a decision comes w frames later
         causal: bool = False,
-        guard_ratio: float = GUARD_RATIO,
+        guard_ratio: float = GUARD_RATIO,  # g
     ) -> None:
         if window < 0 or not 0 <= threshold < math.inf or not 0 <= guard_ratio < math.inf:
             raise UsageError(f"window {window}, threshold {threshold} and guard_ratio {guard_ratio} must be at least 0")
@@ -84,25 +65,14 @@ class KeyFrameSelector:
         self._decided: deque[_Frame] = deque(maxlen=window)  # the window's frames before the one to decide next
         self._waiting: deque[_Frame] = deque()
 
-    def push(self, loss_i: float, loss_p: float | None = None) -> list[bool]:
-        """Take the losses of the next frame.
+    def push(
+        self,
+        loss_i: float,  # after pre-training from scratch
+        loss_p: float | None = None,  # after pre-training from the frame before; None for the first frame only
+    ) -> list[bool]:
+        """Take the losses of the next frame; whether each frame that can now be decided is a key frame, in order.
 
-        Parameters
-        ----------
-        loss_i
-            Loss after pre-training from scratch.
-        loss_p
-            Loss after pre-training from the frame before; None for the first frame only.
-
-        Returns
-        -------
-        list[bool]
-            Whether each of the frames that can now be decided is a key frame, in order; the first one always is.
-
-        Raises
-        ------
-        UsageError
-            A loss is missing, given too much, negative or not finite.
+        The first frame always is one.
         """
         if self._started != (loss_p is not None):
             raise UsageError("every frame but the first has a loss_p, the loss after starting from the frame before")

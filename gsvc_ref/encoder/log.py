@@ -34,40 +34,19 @@ LOG_PIECE: Final = 1 << 16
 
 @dataclass(frozen=True)
 class Decision:
-    """One decision about one effect of one frame.
-
-    Attributes
-    ----------
-    effect
-        A field of `Effects`.
-    done
-        Whether its work was done; False if all or part of it was left out.
-    reason
-        The reason, a phrase with the number that it rests on.
-    iterations
-        Optimisation steps that it took: for ``dks`` of pre-training, for ``frames`` of fitting and fine-tuning.
-    saved
-        Optimisation steps that `all` would have taken in addition, as far as they are known beforehand.
-    seconds
-        Time that it took; 0 when read from a stream, which does not tell.
-    """
+    """One decision about one effect of one frame."""
 
     effect: EffectName
-    done: bool
-    reason: str
+    done: bool  # False if all or part of its work was left out
+    reason: str  # a phrase with the number that it rests on
+    # optimisation steps: for ``dks`` of pre-training, for ``frames`` of fitting and fine-tuning
     iterations: int = 0
-    saved: int = 0
-    seconds: float = 0.0
+    saved: int = 0  # optimisation steps that ``all`` would have taken in addition, as far as known beforehand
+    seconds: float = 0.0  # 0 when read from a stream, which has no times
 
 
 class FrameLog:
-    """The decisions about one frame as they are made; a later one about the same effect takes the place of the first.
-
-    Attributes
-    ----------
-    made
-        The decisions by effect.
-    """
+    """The decisions about one frame as they are made; a later one about an effect replaces the first."""
 
     def __init__(self, made: Iterable[Decision] = ()) -> None:
         self.made: dict[EffectName, Decision] = {one.effect: one for one in made}
@@ -128,23 +107,14 @@ def _line(number: int, decisions: Iterable[Decision]) -> bytes:
     return json.dumps(entry, separators=(",", ":")).encode() + b"\n"
 
 
-def read_log(payload: bytes, frame_count: int) -> list[tuple[Decision, ...]]:
+def read_log(
+    payload: bytes,  # of a chunk of type `chunks.DECISIONS`
+    frame_count: int,  # of the stream that it was found in
+) -> list[tuple[Decision, ...]]:
     """The decisions about all frames, each with one about each effect in the order of `EFFECT_NAMES`.
 
     Any payload takes at most MAX_LOG_LINE bytes for each frame: it is inflated piece by piece, and reading ends at the
     first line that is too long or one too many. Names that this version does not know are skipped.
-
-    Parameters
-    ----------
-    payload
-        The payload of a chunk of type `gsvc_ref.bitstream.chunks.DECISIONS`.
-    frame_count
-        The number of frames of the stream that it was found in.
-
-    Raises
-    ------
-    UsageError
-        The payload is no log, or not one of a stream with this number of frames.
     """
     if payload[: len(LOG_SIGNATURE)] != LOG_SIGNATURE:
         raise UsageError("the chunk of type d holds no log of decisions, or one of a later version")
@@ -178,7 +148,7 @@ def _inflated_lines(deflated: bytes) -> Iterator[bytes]:
 
 
 def _decisions(line: bytes, number: int) -> tuple[Decision, ...]:
-    """The decisions in a line, which is believed only if all of it has the types that it must have."""
+    """The decisions in a line; a value of a wrong type makes the whole line invalid."""
     try:
         entry: Any = json.loads(line) if len(line) <= MAX_LOG_LINE else None
         if entry["frame"] != number:

@@ -38,16 +38,12 @@ REGULARISATION: Final = 1e-5
 """R for each pixel of the window, in squared samples per pixel: gradients of about 1/255 count half."""
 
 
-def estimated_motion(before: F4, after: F4, positions: F4) -> F4:
-    """The distance by which splats of the frame before should move, (N, 2) f4 in pixels.
-
-    Parameters
-    ----------
-    before, after
-        (H, W, 3) f4, the pictures of two successive frames.
-    positions
-        (N, 2) f4, centres of splats in the first one, in pixels.
-    """
+def estimated_motion(
+    before: F4,  # (H, W, 3) f4
+    after: F4,  # (H, W, 3) f4
+    positions: F4,  # (N, 2) f4, centres of splats of the first picture in pixels
+) -> F4:
+    """The distance by which splats of the frame before should move, (N, 2) f4 in pixels."""
     old, new = (reduced(picture, LONGEST_SIDE).mean(axis=2, dtype=np.float64) for picture in (before, after))
     if min(old.shape) < SMALLEST_SIDE or np.array_equal(old, new):
         return np.zeros_like(positions)
@@ -134,7 +130,7 @@ def sum_products(first: F8, moved: F8, flow: F8, sums: F8) -> None:
 
 @kernel()
 def solve(sums: F8, flow: F8) -> None:
-    """The new flow, in place."""
+    """Replace the flow (2, h, w) by the solution of the 2 x 2 system of each pixel, from the sums of its window."""
     height, width = flow.shape[1:]
     part = np.empty(5)
     farthest = np.float64(max(height, width))
@@ -142,13 +138,13 @@ def solve(sums: F8, flow: F8) -> None:
         top, bottom = max(y - WINDOW_RADIUS, 0), min(y + WINDOW_RADIUS + 1, height)
         for x in range(width):
             left, right = max(x - WINDOW_RADIUS, 0), min(x + WINDOW_RADIUS + 1, width)
-            for k in range(5):
+            for k in range(5):  # a window sum is four reads of the summed table, whatever its size
                 inside = sums[k, bottom, right] - sums[k, top, right] - sums[k, bottom, left] + sums[k, top, left]
                 part[k] = inside
             noise = REGULARISATION * ((bottom - top) * (right - left))
             xx, xy, yy = part[0] + noise, part[1], part[2] + noise
             xe, ye = part[3] + noise * flow[0, y, x], part[4] + noise * flow[1, y, x]
-            determinant = xx * yy - xy * xy
+            determinant = xx * yy - xy * xy  # R on the diagonal keeps it away from 0
             flow[0, y, x] = min(max((yy * xe - xy * ye) / determinant, -farthest), farthest)
             flow[1, y, x] = min(max((xx * ye - xy * xe) / determinant, -farthest), farthest)
 

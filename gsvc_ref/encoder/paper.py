@@ -49,28 +49,7 @@ MOST_NEW: Final = 3.0
 
 
 class FrameEncoder:
-    """Encodes frames in order, each against the reconstruction of the one before (closed loop).
-
-    Parameters
-    ----------
-    settings
-        All settings.
-    width, height, bit_depth
-        The size of the frames in pixels, and the bits of a sample.
-
-    Attributes
-    ----------
-    settings
-        The settings given.
-    state
-        The decoder's state after the frames so far.
-    total, most
-        The number of splats that a frame is meant to have, and the maximum that it may get.
-    intra_psnr, last_psnr
-        PSNR of the last I-frame and of the last frame, in dB.
-    picture
-        The source of the frame before, (H, W, 3) f4.
-    """
+    """Encodes frames in order, each against the reconstruction of the one before (closed loop)."""
 
     def __init__(self, settings: PaperSettings, width: int, height: int, bit_depth: int) -> None:
         self.settings, self.bit_depth = settings, bit_depth

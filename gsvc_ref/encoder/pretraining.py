@@ -20,19 +20,13 @@ from gsvc_ref.training.reduction import reduced
 
 
 class Pretraining:
-    """Pre-trains frame after frame, from scratch and from the frame before (paper, algorithm 1, steps 1 and 2).
-
-    Attributes
-    ----------
-    iterations
-        The number of iterations made so far.
-    """
+    """Pre-trains frame after frame, from scratch and from the frame before (paper, algorithm 1, steps 1 and 2)."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings, self.detection = settings, settings.detection
         self.rng = np.random.default_rng([settings.seed, 0x444B53])
         self.before: Splats | None = None
-        self.iterations = 0
+        self.iterations = 0  # made so far, of all frames
 
     def losses(self, picture: F4) -> tuple[float, float | None]:
         """The losses of a picture (H, W, 3) f4 as an I-frame and as a P-frame; the first frame has no second one."""

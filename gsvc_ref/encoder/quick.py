@@ -16,7 +16,7 @@ from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.training import NEW
 
 PRUNED_GRADIENT_SHARE: Final = 0.5
-"""The share of its gradient's term by which a splat is judged before it is removed: a fit makes up for the rest. On 30
+"""The share of its gradient's term by which a splat is judged before it is removed: a fit compensates the rest. On 30
 frames of `carphone` and `bikes` at N = 700 1/4 and 1/2 gave the same within 0.2 dB; 1 took 0.4 dB from `carphone`."""
 
 
@@ -31,29 +31,18 @@ def refitted(target: Target, parameters: F4, iterations: int) -> F4:
     return to_parameters(descend(target, z, Walk(len(z), FIT_D), iterations))
 
 
-def exchanged(target: Target, parameters: F4, kept: int, new: int, rng: Generator) -> tuple[F4, I8]:
-    """The splats that a P-frame begins with: the `kept` of most worth, then `new` ones where the picture is worst.
+def exchanged(
+    target: Target,
+    parameters: F4,  # (N, 8) f4, the splats of the frame before
+    kept: int,
+    new: int,
+    rng: Generator,
+) -> tuple[F4, I8]:
+    """The start of a P-frame: the `kept` splats of most worth, then `new` ones where the picture is worst.
 
-    Removing a splat of the colour n changes the squared error by |n|^2 - n . dE/dn. The second term is large where a
-    splat shows what the picture no longer has.
-
-    Parameters
-    ----------
-    target
-        The picture.
-    parameters
-        (N, 8) f4, the splats of the frame before.
-    kept, new
-        How many of these stay, and how many are added.
-    rng
-        Draws the places of new splats.
-
-    Returns
-    -------
-    parameters
-        (kept + new, 8) f4.
-    origins
-        (kept + new,) i8: the index of each in the frame before, or NEW.
+    Returns the splats (kept + new, 8) f4, and the index of each in the frame before, or NEW, (kept + new,) i8. Removing
+    a splat of the colour n changes the squared error by |n|^2 - n . dE/dn. The second term is large where a splat shows
+    what the picture no longer has.
     """
     _, gradient = target.evaluate(parameters)
     colors = to_coordinates(parameters)[:, 5:8]  # (N, 3) f8

@@ -28,44 +28,23 @@ class NothingSavedError(UsageError):
 
 @dataclass
 class StreamPlan:
-    """What a stream is to be like.
+    """What a stream is to be like."""
 
-    Attributes
-    ----------
-    coder
-        Says what the header needs; asked when the first frame is encoded.
-    video
-        The format of the source.
-    level, least_level
-        The level in the header; with `least_level` the highest that it may be, which is lowered at the end to the
-        least that fits.
-    live
-        Write under the final name, and never go back.
-    wrapped
-        Makes the file that is written of the one that was opened; on success it has written the latter in the end.
-    times_before
-        Gives the payload of the chunk `t` before a frame, or None.
-    notes
-        Gives sentences on what was assumed about the source, and on what the frames did not reach.
-    threads
-        Those that were asked for, for the report.
-    stages
-        Seconds by stage.
-    name
-        The function at work, for messages.
-    """
-
-    coder: FrameCoder[Any]
+    coder: FrameCoder[Any]  # gives the elements of the header, after the first frame
     video: VideoFormat
+    # With `least_level`, `level` is the highest allowed, and the header gets the least that fits at the end.
     level: int
     least_level: bool = False
-    live: bool = False
+    live: bool = False  # write under the final name, and never go back
+    # Gives a file to write in place of the opened one, which has all bytes when the block ends well.
     wrapped: Callable[[BinaryIO], AbstractContextManager[BinaryIO]] = nullcontext
+    # the payload of the chunk `t` before a frame, if any
     times_before: Callable[[int], bytes | None] = lambda number: None
+    # sentences on what was assumed about the source, and what the frames did not reach
     notes: Callable[[list[FrameReport]], list[str]] = lambda frames: []
-    threads: int | None = None
+    threads: int | None = None  # as asked for; the report has it
     stages: StageSeconds = field(default_factory=StageSeconds)
-    name: str = "gsvc_ref.encode"
+    name: str = "gsvc_ref.encode"  # for messages
 
     def header(self) -> SequenceHeader:
         """The sequence header; final when the first frame is encoded."""
@@ -86,14 +65,8 @@ def header_of(coder: FrameCoder[Any], video: VideoFormat, level: int) -> Sequenc
 def record(target: Target, plan: StreamPlan, encode: "Callable[[Recording], None]") -> EncodeReport:
     """Call `encode`, which hands encoded frames to a recording, and put their stream in the target's place.
 
-    Raises
-    ------
-    IncompleteEncodeError
-        A GsvcError or UsageError came after at least one complete frame; its `report` is about those that were saved.
-    OSError
-        The target cannot be written; what stood under its name still does, unless `plan.live`.
-    Exception
-        Any other exception that ended the encode passes through, with a note if frames were saved.
+    After at least one complete frame a GsvcError or UsageError becomes an IncompleteEncodeError; any other exception
+    passes through, with a note that frames were saved.
     """
     patient = is_file(target)
     with Interrupts(patient=patient) as interrupts:
@@ -131,24 +104,12 @@ def _raise(fault: BaseException, report: EncodeReport, name: str) -> None:
 
 
 class Recording:
-    """Writes encoded frames, and reports each.
-
-    Attributes
-    ----------
-    plan
-        What the stream is to be like.
-    frames
-        A report of each frame written.
-    interrupts
-        Ctrl-C is held back while a frame is written.
-    is_broken
-        Whether the stream ends with a part of a chunk that cannot be taken back, or may do so.
-    """
+    """Writes encoded frames, and reports each."""
 
     def __init__(self, file: BinaryIO, plan: StreamPlan, interrupts: Interrupts) -> None:
         self.plan, self.interrupts = plan, interrupts
         self.frames: list[FrameReport] = []
-        self.is_broken = False
+        self.is_broken = False  # the stream ends, or may end, with part of a chunk that cannot be taken back
         self._file = file
         self._begin = time.perf_counter()
         self._writer: StreamWriter | None = None  # its header takes what is chosen on the first frame

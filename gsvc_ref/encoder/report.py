@@ -18,69 +18,44 @@ from gsvc_ref.paper import FrameType
 
 @dataclass(frozen=True)
 class Progress:
-    """The place where an encode is.
+    """The place where an encode is."""
 
-    Attributes
-    ----------
-    frame, frame_count
-        Number of the frame in work, and the number of frames; None if the source does not say it, or has more than it
-        said.
-    stage
-        ``detect`` (looking for key frames); in profile `main` ``encode``, with a quality to hold once for each try; in
-        profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with
-        a short fit after each change). With several jobs ``groups`` in place of all but ``detect``: `frame` + 1 frames
-        are encoded, of all groups of pictures.
-    iteration, iterations
-        The iteration of the stage, and their number; in profile `main` about. In ``groups`` the number of groups in
-        work, and the most.
-    psnr
-        PSNR of the picture before it is rounded to bits, in dB; None if there is none yet. In ``groups`` that of the
-        frame decoded last.
-    elapsed_s
-        Seconds since the encode began.
-    step
-        With a goal for the whole clip, what this pass over it is for.
-    kept
-        The number of frames so far that an earlier encode has kept (`resume`), which take no time.
-    """
-
+    # The number of frames is None if the source does not say it, or has more than it said.
     frame: int
     frame_count: int | None
+    # ``detect`` (looking for key frames); in profile `main` ``encode``, with a PSNR to hold once for each try; in
+    # profile `paper` ``fit``, ``quantize``, and with a PSNR to hold ``rate`` (looking for the number of splats, with a
+    # short fit after each change). With several jobs ``groups`` in place of all but ``detect``: `frame` + 1 frames are
+    # encoded, of all groups of pictures.
     stage: str
+    # Of the stage, and about how many there are. In ``groups`` the number of groups in work, and its maximum.
     iteration: int
     iterations: int
+    # PSNR of the picture before it is rounded to bits, in dB; None if there is none yet. In ``groups`` that of the
+    # frame decoded last.
     psnr: float | None
-    elapsed_s: float
-    step: str = ""
-    kept: int = 0
+    elapsed_s: float  # since the encode began
+    step: str = ""  # with a goal for the whole clip, the purpose of this pass
+    kept: int = 0  # frames so far that an earlier encode has kept (`resume`)
 
 
 OnProgress = Callable[[Progress], None]
 
 
 class ProgressReporter:
-    """Tells a function of the caller where an encode is.
+    """Reports to a function of the caller where an encode is."""
 
-    Parameters
-    ----------
-    on_progress
-        The function; None: nobody asks.
-    frame_count
-        The number of frames, or None if the source does not say it.
-
-    Attributes
-    ----------
-    kept
-        The number of frames so far that an earlier encode has kept.
-    """
-
-    def __init__(self, on_progress: OnProgress | None, frame_count: int | None) -> None:
+    def __init__(
+        self,
+        on_progress: OnProgress | None,  # None: nobody asks
+        frame_count: int | None,  # None: the source does not say it
+    ) -> None:
         self._on_progress, self._frame_count = on_progress, frame_count
         self._begin = time.perf_counter()
         self.kept = 0
 
     def show(self, stage: str, frame: int, iteration: int = 0, iterations: int = 0, psnr: float | None = None) -> None:
-        """Tell the stage of a frame."""
+        """Report the stage of a frame."""
         if self._on_progress is None:
             return
         if self._frame_count is not None and frame >= self._frame_count:
@@ -97,100 +72,54 @@ class ProgressReporter:
 
 @dataclass(frozen=True)
 class LayerReport:
-    """One layer of an encoded frame.
+    """One layer of an encoded frame."""
 
-    Attributes
-    ----------
-    layer, type
-        0 for the base, and I, P or R.
-    splats, new_splats
-        Its own splats, and those of them that the frame before does not have.
-    psnr
-        PSNR of the decoded frame with all layers up to this one, in dB.
-    bits
-        Bits of its chunk by category; none if the layer is repeated without one.
-    """
-
+    # 0: the base
     layer: int
     type: FrameType
+    # of this layer alone; new are those that the frame before does not have
     splats: int
     new_splats: int
-    psnr: float
-    bits: dict[str, int]
+    psnr: float  # in dB, with all layers up to this one
+    bits: dict[str, int]  # of its chunk, by category; empty if the layer is repeated without one
 
 
 @dataclass(frozen=True)
 class FrameReport:
-    """One encoded frame.
-
-    Attributes
-    ----------
-    number, type, reason
-        Frame number, I, P or R, and why it is of that type.
-    splats, new_splats, pruned_splats
-        Splats of the frame, those that the frame before does not have, and those of the frame before that are gone.
-    iterations
-        The number of iterations for this frame, fine-tuning included.
-    psnr
-        PSNR of the decoded frame at its bit depth, with all of its layers, against the source, in dB; infinite if
-        equal.
-    bits
-        Bits of the frame's chunk by category.
-    seconds
-        Time spent on the frame.
-    decisions
-        The decisions about each effect, in the order of `Effects`.
-    layers
-        The base and the layers above it; none of a frame that has no layers. All but `psnr` is about the base.
-    """
+    """One encoded frame."""
 
     number: int
     type: FrameType
     reason: str
+    # All, those that the frame before does not have, and those of the frame before that are gone.
     splats: int
     new_splats: int
     pruned_splats: int
-    iterations: int
+    iterations: int  # fine-tuning included
+    # PSNR of the decoded frame at its bit depth, with all of its layers, against the source, in dB; infinite if equal
     psnr: float
-    bits: dict[str, int]
+    bits: dict[str, int]  # of its chunk, by category
     seconds: float
-    decisions: tuple[Decision, ...] = ()
+    decisions: tuple[Decision, ...] = ()  # one for each effect, in the order of `Effects`
+    # The base and those above it; empty without layers. All other fields but `psnr` are about the base.
     layers: tuple[LayerReport, ...] = ()
 
 
 @dataclass(frozen=True)
 class EncodeReport:
-    """One encode.
+    """One encode."""
 
-    Attributes
-    ----------
-    header
-        The sequence header as written.
-    settings
-        The settings used.
-    frames
-        A report of each frame written.
-    file_bytes
-        Size of the stream: its bits are the rate.
-    seconds, seconds_by_stage
-        Time in all, and of "read and detect", "write", and the stages of `EncodedFrame.seconds`.
-    interrupted
-        Whether it was stopped early (Ctrl-C); the stream then holds the frames until there.
-    fault
-        The fault that ended it early, or None; then too the stream holds the frames until there.
-    notes
-        Sentences on what was assumed about the source and what was not reached.
-    """
-
-    header: SequenceHeader
+    header: SequenceHeader  # as written
     settings: Settings
     frames: list[FrameReport]
-    file_bytes: int
+    file_bytes: int  # of the whole stream
+    # In all, and by stage: "read and detect", "write", and those of `EncodedFrame.seconds`.
     seconds: float
     seconds_by_stage: dict[str, float] = field(default_factory=dict)
-    interrupted: bool = False
+    interrupted: bool = False  # by Ctrl-C; the stream then has the frames up to it
+    # sentences on what was assumed about the source and what was not reached
     notes: list[str] = field(default_factory=list)
-    fault: str | None = None
+    fault: str | None = None  # what ended it early; the stream then has the frames up to it
 
     @property
     def bits_per_pixel(self) -> float:

@@ -198,11 +198,6 @@ class Settings:
         frames follow in proportion, but not `detection.iterations`, since losses after other numbers of iterations
         would be other statistics. `cholesky_bits`, `color_stages` and `color_codewords` are elements of the sequence
         header.
-
-        Raises
-        ------
-        UsageError
-            A name is unknown, of the other profile, or a value out of its range.
         """
         if (profile := changes.pop("profile", self.profile)) != self.profile:
             raise UsageError(
@@ -266,13 +261,7 @@ class Settings:
         raise NotImplementedError
 
     def splat_count(self, width: int, height: int) -> int:
-        """N for a frame of this size.
-
-        Raises
-        ------
-        UsageError
-            More splats are asked for than the frame has pixels.
-        """
+        """N for a frame of this size."""
         if self.splats is None:
             return max(1, width * height // PIXELS_PER_SPLAT)
         if self.splats > width * height:
@@ -285,21 +274,7 @@ class Settings:
 
 @dataclass(frozen=True, kw_only=True)
 class MainSettings(Settings):
-    """The settings of an encode of profile `main`: those of `Settings`, and these.
-
-    Attributes
-    ----------
-    intra, inter
-        How I- and P-frames are made.
-    quality
-        The step D of all codes, from 0, the coarsest, to 79, the finest; 8 more halve D. Frames have `quantizer` 79 -
-        `quality`. Without `splats`, as many splats go with it as are worth their bits at this D. None: D follows from
-        the number of splats.
-    layers
-        The PSNR in dB with the base, with layer 1, ..., growing. Empty: no layers, unless `layer_splats` says some.
-    layer_splats
-        The number of splats of a frame with the base, with layer 1, ..., growing.
-    """
+    """The settings of an encode of profile `main`: those of `Settings`, and these."""
 
     profile: ClassVar[ProfileName] = "main"
     PRESETS: ClassVar[tuple[str, ...]] = ("quick", "slow")
@@ -307,9 +282,12 @@ class MainSettings(Settings):
 
     intra: IntraSettings = field(default_factory=IntraSettings)
     inter: InterSettings = field(default_factory=InterSettings)
+    # 0, the coarsest, to 79, the finest: frames have `quantizer` 79 - `quality`, and 8 more halve the step D of codes.
+    # Without `splats`, a frame gets those that are worth their bits at this D. None: D follows from the splats.
     quality: int | None = None
+    # PSNR in dB with the base, with layer 1, ..., rising; empty: none, or those of `layer_splats`
     layers: tuple[float, ...] = ()
-    layer_splats: tuple[int, ...] = ()
+    layer_splats: tuple[int, ...] = ()  # splats of a frame with the base, with layer 1, ..., rising
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -355,7 +333,7 @@ class MainSettings(Settings):
         return max(len(self.layers), len(self.layer_splats), 1)
 
     def of_layers(self) -> list["MainSettings"]:
-        """The settings of the base and of each layer above it, as of streams of their own."""
+        """The settings of the base and of each layer above it, as if each were a stream."""
         inter = replace(self.inter, cell_gain=self.inter.cell_gain * LAYER_CELL_GAIN)
         alone = replace(self, layers=(), layer_splats=(), inter=inter)
         if self.layers:
@@ -387,15 +365,7 @@ class MainSettings(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class PaperSettings(Settings):
-    """The settings of an encode of profile `paper`: those of `Settings`, and these.
-
-    Attributes
-    ----------
-    intra, inter
-        How I- and P-frames are made.
-    entropy_precision
-        The bits of the frequencies of rANS.
-    """
+    """The settings of an encode of profile `paper`: those of `Settings`, and these."""
 
     profile: ClassVar[ProfileName] = "paper"
     PRESETS: ClassVar[tuple[str, ...]] = ("quick", "paper")
@@ -407,7 +377,7 @@ class PaperSettings(Settings):
 
     intra: FrameSettings
     inter: FrameSettings
-    entropy_precision: int = 14
+    entropy_precision: int = 14  # bits of the frequencies of rANS
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -497,13 +467,7 @@ SettingsT = TypeVar("SettingsT", bound=Settings)
 
 
 def _of_profile(preset: str, profile: str, *kinds: type[SettingsT]) -> type[SettingsT]:
-    """The settings of a profile that a preset has.
-
-    Raises
-    ------
-    UsageError
-        The preset does not write this profile, or there is none of this name.
-    """
+    """The settings of a profile that a preset has."""
     for kind in kinds:
         if kind.profile == profile:
             return kind

@@ -33,37 +33,7 @@ def coder_of(settings: Settings, video: VideoFormat) -> GroupCoder:
 
 
 class EncodeSetup:
-    """What the encode of a video consists of.
-
-    Parameters
-    ----------
-    reader
-        The source.
-    settings
-        Those of the coder.
-    on_progress
-        Called with the place where the encode is.
-    live
-        Write frame by frame, and never go back.
-    make_coder
-        Makes the coder.
-
-    Attributes
-    ----------
-    coder
-        Encodes the first frame.
-    plan
-        What the stream is to be like.
-    progress
-        Tells where the encode is.
-    source
-        The frames of the source.
-
-    Raises
-    ------
-    UsageError
-        No level allows frames of this size and number of splats.
-    """
+    """The parts of an encode of a video: coder, plan of the stream, progress, and source."""
 
     def __init__(
         self,
@@ -71,7 +41,7 @@ class EncodeSetup:
         settings: Settings,
         on_progress: OnProgress | None,
         *,
-        live: bool = False,
+        live: bool = False,  # write frame by frame, and never go back
         make_coder: CoderMaker = coder_of,
     ) -> None:
         self._reader, self._settings = reader, settings
@@ -86,7 +56,7 @@ class EncodeSetup:
         self.source = SoundFrames(times.frames())
 
     def frames(self) -> Iterator[TypedFrame[Frame]]:
-        """The frames with their types."""
+        """The frames of the source with their types."""
         settings, video = self._settings, self._reader.format
         typed = typed_frames(self.source, settings, video.peak, lambda number: self.progress.show("detect", number))
         if settings.paced:

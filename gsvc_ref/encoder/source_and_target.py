@@ -43,17 +43,11 @@ class FrameSource(PassingReader):
 
 
 class SoundFrames(Generic[FrameT]):
-    """The frames of a source up to its first fault, so that those read before it are still encoded.
-
-    Attributes
-    ----------
-    fault
-        What ended the frames early, if anything did so far.
-    """
+    """The frames of a source up to its first fault, so that those read before it are still encoded."""
 
     def __init__(self, frames: Iterable[FrameT]) -> None:
         self._frames = frames
-        self.fault: Exception | None = None
+        self.fault: Exception | None = None  # what ended the frames early
 
     def __iter__(self) -> Iterator[FrameT]:
         frames = iter(self._frames)
@@ -169,17 +163,11 @@ def _is_device(path: Path) -> bool:
 
 
 class LiveFile(FileIO):
-    """A file that only ever grows, after its first write took the place of what it held.
-
-    Attributes
-    ----------
-    begun
-        Whether anything was written.
-    """
+    """A file that only ever grows, after its first write took the place of what it held."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "ab")
-        self.begun = False
+        self.begun = False  # whether anything was written
 
     def write(self, data: Any) -> int:
         """Append."""
@@ -191,13 +179,7 @@ class LiveFile(FileIO):
 
 @contextmanager
 def _live_file(path: Path) -> Iterator[BinaryIO]:
-    """The file itself; an old one loses its contents at the first write, and one without any is removed.
-
-    Raises
-    ------
-    UsageError
-        Another encode is writing to it.
-    """
+    """The file itself: its old bytes go at the first write, and a new file that stays empty is removed."""
     check_parent(path)
     existed = path.exists()
     with _locked(path) as file:

@@ -27,19 +27,16 @@ USUAL_TICKS: Final = 90_000
 
 
 class SourceTimes:
-    """The frames of a source, and the chunks that say when they are shown; none if they are evenly spaced.
+    """The frames of a source, and the chunks that say when they are shown; none if they are evenly spaced."""
 
-    Parameters
-    ----------
-    reader
-        The source.
-    start, stop
-        The half-open range of its frames that is encoded.
-    least_delay
-        Read one frame ahead, no more.
-    """
-
-    def __init__(self, reader: VideoReader, start: int, stop: int | None, *, least_delay: bool) -> None:
+    def __init__(
+        self,
+        reader: VideoReader,
+        start: int,  # of a half-open range of frames
+        stop: int | None,
+        *,
+        least_delay: bool,  # read one frame ahead, no more
+    ) -> None:
         self._reader, self._range = reader, (start, stop)
         video = reader.format
         size = video.width * video.height * 3 * video.dtype.itemsize

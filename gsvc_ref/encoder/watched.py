@@ -1,4 +1,4 @@
-"""What the search for a P-frame of profile `main` evaluates: all pixels, or some of them in turns."""
+"""The objectives that search a P-frame of profile `main`: all pixels, or a part in turns."""
 
 from typing import Any, Final
 
@@ -14,12 +14,13 @@ second on. With fewer the search follows what single pixels say, and that costs 
 
 
 def watched_objectives(
-    picture: F4, beside: F4, splats: int, settings: Settings, on_evaluation: OnEvaluation
+    picture: F4,  # (H, W, 3) f4
+    beside: F4,  # (B, 8) f4, splats that are in it beside those that are searched
+    splats: int,  # all of them, at least 1
+    settings: Settings,
+    on_evaluation: OnEvaluation,
 ) -> tuple[Objective, SampledObjective]:
-    """The objective of a picture (H, W, 3) f4, and the one that looks at a part of its pixels in turns.
-
-    `beside` (B, 8) f4 are splats that are in every picture beside those that are searched; `splats` >= 1 counts both.
-    """
+    """The objective of a picture (H, W, 3) f4, and the one that looks at a part of its pixels in turns."""
     pixels = picture[:, :, 0].size / splats
     down, right = (2 if pixels >= least else 1 for least in (HALF_FROM, QUARTER_FROM))
     how: dict[str, Any] = {"threads": settings.threads, "precision": settings.precision, "background": beside}

@@ -35,18 +35,12 @@ from gsvc_ref._jit import kernel
 State = tuple[F4, F4, F4, F4, I8]
 
 ROWS_AT_ONCE: Final = 16
-"""Rows that the compiled step takes together: their values lie side by side, enough to fill vector lanes."""
+"""Maximum number of rows that the compiled step takes together, to fill vector lanes."""
 
 
 @dataclass(frozen=True)
 class AdanSettings:
-    """Decay rates b1, b2, b3 in [0, 1), and epsilon > 0 outside the root; the defaults are the authors'.
-
-    Raises
-    ------
-    UsageError
-        A number is out of its range.
-    """
+    """Decay rates b1, b2, b3 in [0, 1), and epsilon > 0 outside the root; the defaults are the authors'."""
 
     beta1: float = 0.98
     beta2: float = 0.92
@@ -60,22 +54,7 @@ class AdanSettings:
 
 
 class Adan:
-    """Optimiser state of an (N, P) array of parameters; every row counts its own steps.
-
-    Parameters
-    ----------
-    rows, columns
-        N and P.
-    settings
-        Decay rates and epsilon.
-
-    Attributes
-    ----------
-    steps
-        (N,) i8, how many steps each row has taken: k - 1 before, k after `step`.
-    m, v, n, previous
-        (N, P) f4, the averages above and the gradient of the step before.
-    """
+    """Optimiser state of an (N, P) array of parameters; every row counts its own steps."""
 
     def __init__(self, rows: int, columns: int, settings: AdanSettings | None = None) -> None:
         if rows < 0 or columns < 1:
@@ -89,36 +68,15 @@ class Adan:
 
     def step(
         self,
-        parameters: F4,
-        gradients: F4,
-        rates: ArrayLike,
+        parameters: F4,  # (N, P) f4 in C order; changed
+        gradients: F4,  # (N, P) f4, dL/dparameter
+        rates: ArrayLike,  # (P,), in units of the learned values
         *,
-        units: ArrayLike = 1.0,
-        row_factors: ArrayLike | None = None,
-        row_columns: ArrayLike = True,
+        units: ArrayLike = 1.0,  # (P,) or a number: parameter = unit * learned value
+        row_factors: ArrayLike | None = None,  # (N,) f4 on the rate of each row, such as a splat's size; None is 1
+        row_columns: ArrayLike = True,  # (P,) bool: the columns that row_factors apply to
     ) -> None:
-        """Move the parameters by one step, in place.
-
-        Parameters
-        ----------
-        parameters
-            (N, P) f4 in C order; changed.
-        gradients
-            (N, P) f4, dL/dparameter.
-        rates
-            (P,) learning rates, in units of the learned values.
-        units
-            (P,) or a number: parameter = unit * learned value.
-        row_factors
-            (N,) f4 factors on the learning rate of each row, such as a splat's size; None is 1.
-        row_columns
-            (P,) bool: the columns that row_factors apply to; all of them where not given.
-
-        Raises
-        ------
-        UsageError
-            A shape or type does not fit; or a gradient is NaN, or so large that its square overflows binary32.
-        """
+        """Move the parameters by one step, in place."""
         rows, columns = self.m.shape
         grad = np.ascontiguousarray(gradients, np.float32)
         if parameters.dtype != np.float32 or not parameters.flags.c_contiguous:
@@ -179,7 +137,7 @@ def _coefficients(settings: AdanSettings) -> F4:
 
 
 def _settled(settings: AdanSettings) -> int:
-    """A number of steps from which on 1 - b^k is 1 in binary64 for all three b, and corrections no longer change."""
+    """A number of steps from which 1 - b^k is 1 in binary64 for all three b, so that corrections stay as they are."""
     slowest = max(settings.beta1, settings.beta2, settings.beta3)
     return math.ceil(-60 / float(log2(slowest))) if slowest > 0 else 1
 
@@ -226,21 +184,21 @@ def adan_step_plain(
 
 @kernel()
 def _step(
-    parameters: F4,
-    gradients: F4,
+    parameters: F4,  # (N P,) f4, row after row, as m, v, n and previous; changed
+    gradients: F4,  # (N, P) f4, dL/dparameter
     m: F4,
     v: F4,
     n: F4,
-    previous: F4,
-    unit: F4,
-    by_row: F4,
-    fixed: F4,
-    factors: F4,
-    steps: I8,
-    coefficients: F4,
-    corrections: F4,
+    previous: F4,  # unit * gradient of the step before
+    unit: F4,  # (P,) f4
+    by_row: F4,  # (P,) f4, unit * rate of columns that `factors` apply to, else 0
+    fixed: F4,  # (P,) f4, unit * rate of the other columns, else 0
+    factors: F4,  # (N,) f4
+    steps: I8,  # (N,) i8, k - 1; changed to k
+    coefficients: F4,  # (7,) f4, see `_coefficients`
+    corrections: F4,  # (K, 3) f4, see `_corrections`
 ) -> None:
-    """Twin of `adan_step_plain` for all rows, and their counts; all but gradients (N, P) are flat, row after row."""
+    """Twin of `adan_step_plain` for all rows: each binary32 operation in the same order, so the bits are the same."""
     rows, columns = gradients.shape
     b1, c1, b2, c2 = coefficients[0], coefficients[1], coefficients[2], coefficients[3]
     b3, c3, epsilon = coefficients[4], coefficients[5], coefficients[6]
@@ -249,21 +207,24 @@ def _step(
     start = 0
     while start < rows:
         stop = start + 1
-        while stop < min(rows, start + ROWS_AT_ONCE) and steps[stop] == steps[start]:  # rows of an age lie together
+        while (
+            stop < min(rows, start + ROWS_AT_ONCE) and steps[stop] == steps[start]
+        ):  # one k, and so one correction, for a block
             stop += 1
         for row in range(stop - start):
             factor = factors[start + row]
             for c in range(columns):
                 scaled[row * columns + c] = gradients[start + row, c] * unit[c]
+                # One of the two terms is 0, so the sum rounds nothing.
                 rates[row * columns + c] = by_row[c] * factor + fixed[c]
         # Slices, because an index that starts at 0 is what the compiler turns into vector lanes.
         part = slice(start * columns, stop * columns)
         x, m_part, v_part, n_part, g_prev = parameters[part], m[part], v[part], n[part], previous[part]
-        if steps[start] == 0:
+        if steps[start] == 0:  # g_prev = g at k = 1, so d is 0
             for j in range(len(x)):
                 g_prev[j] = scaled[j]
         k = steps[start] + 1
-        last = min(k, corrections.shape[0] - 1)  # where they have settled
+        last = min(k, corrections.shape[0] - 1)  # from there on all rows of the table are equal
         over_m, over_v, over_n = corrections[last, 0], corrections[last, 1], corrections[last, 2]
         for j in range(len(x)):
             g = scaled[j]

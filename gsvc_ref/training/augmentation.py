@@ -35,7 +35,7 @@ COLOR_SHARE: Final = 0.5
 """Fraction of the residual that a splat of `residual_splats` takes as its colour."""
 
 LEVELLINGS: Final = 4
-"""How often a density is cut off at its limit, and what is cut off spread over the rest in proportion."""
+"""Passes that cut a density off at its limit and spread the excess over the rest in proportion."""
 
 
 # twin of spec.augment
@@ -68,37 +68,20 @@ def augment(values: F4, uniforms: F4, width: int, height: int) -> F4:
 
 
 def uniform_numbers(count: int, rng: Generator) -> F4:
-    """Uniform numbers for `augment` or `random_splats`, (count, 8) f4: first all positions are drawn, then all factors.
-
-    Raises
-    ------
-    UsageError
-        The count is negative.
-    """
+    """Uniform numbers (count, 8) f4: all positions are drawn first, then all Cholesky factors, then all colours."""
     if count < 0:
         raise UsageError(f"cannot place {count} splats; give at least 0")
     return np.concatenate([rng.random((count, columns), np.float32) for columns in (2, 3, 3)], axis=1)
 
 
-def random_splats(uniforms: F4, width: int, height: int) -> Splats:
+def random_splats(
+    uniforms: F4,  # (n, 8) f4 in [0, 1), in the columns of `Splats.to_array`
+    width: int,
+    height: int,
+) -> Splats:
     """Splats uniformly over the frame, from uniform numbers: the start of an I-frame, and what GSA adds (10-26).
 
-    Parameters
-    ----------
-    uniforms
-        (n, 8) f4 in [0, 1), in the columns of `Splats.to_array`.
-    width, height
-        The frame's size in pixels.
-
-    Returns
-    -------
-    Splats
-        Colours are the numbers themselves; their weight is for the caller to choose (`NEW_WEIGHT`).
-
-    Raises
-    ------
-    UsageError
-        The numbers have another shape, or the frame has no pixels.
+    The caller chooses their weight (`NEW_WEIGHT`).
     """
     if uniforms.ndim != 2 or uniforms.shape[1] != PARAMETERS_PER_SPLAT:
         raise UsageError(f"the uniform numbers have shape {uniforms.shape}; give (n, {PARAMETERS_PER_SPLAT})")
@@ -116,7 +99,9 @@ def draw_from_density(density: NDArray[np.floating], count: int, rng: Generator)
     """
     if density.ndim != 2 or density.size == 0:
         raise UsageError(f"the density has shape {density.shape}; it must be (H, W) with at least one pixel")
-    reach = np.cumsum(density, dtype=np.float64)  # (H W,) f8
+    reach = np.cumsum(
+        density, dtype=np.float64
+    )  # (H W,) f8, the distribution function before its division by the total
     if not np.isfinite(reach[-1]) or density.min() < 0:
         raise UsageError("a density is negative or not finite; all must be at least 0")
     if reach[-1] == 0:
@@ -129,36 +114,18 @@ def draw_from_density(density: NDArray[np.floating], count: int, rng: Generator)
 
 
 def image_start(
-    picture: F4, count: int, rng: Generator, *, gradient_share: float = GRADIENT_SHARE, size_factor: float = SIZE_FACTOR
+    picture: F4,  # (H, W, 3) f4
+    count: int,
+    rng: Generator,
+    *,
+    gradient_share: float = GRADIENT_SHARE,  # 0..1, fraction drawn by gradient magnitude
+    size_factor: float = SIZE_FACTOR,  # deviation in units of the distance between splats
 ) -> Splats:
     """A start for an I-frame that resembles its picture: many small splats on detail, few large ones elsewhere; ours.
 
     With splats drawn at rho per pixel, partly in proportion to the gradient magnitude and partly uniformly, a splat is
     round with the deviation s = size_factor / sqrt(rho around it). Where rho is even, such splats add up to
     2 pi size_factor^2 times one splat's colour, so each takes the picture's colour at its centre divided by that.
-
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4.
-    count
-        Number of splats.
-    rng
-        Draws positions.
-    gradient_share
-        Fraction drawn by gradient magnitude, 0..1.
-    size_factor
-        Deviation in units of the distance between splats, above 0.
-
-    Returns
-    -------
-    Splats
-        To be trained with the weight 1.
-
-    Raises
-    ------
-    UsageError
-        A parameter is out of its range, or the picture is not (H, W, 3).
     """
     _check_picture(picture)
     if not 0 <= gradient_share <= 1 or not size_factor > 0:
@@ -213,6 +180,7 @@ def _levelled(density: F4, count: int, most: float) -> F8:
         for x in range(width):
             levelled[y, x] = density[y, x]
             total += levelled[y, x]
+    # Each pass scales the sum to `count` splats and cuts at `most`; the next one spreads what was cut.
     for _ in range(LEVELLINGS):
         if total == 0:
             break
@@ -230,7 +198,7 @@ def _cubed_lengths(residual: F4, cubes: F4) -> None:
     height, width, channels = residual.shape
     for y in range(height):
         for x in range(width):
-            square = np.float32(0)
+            square = np.float32(0)  # the cube of the length is square * sqrt(square): no power of a library
             for c in range(channels):
                 square += residual[y, x, c] * residual[y, x, c]
             cubes[y, x] = square * np.sqrt(square)

@@ -38,7 +38,7 @@ from gsvc_ref.training.straight_through import (
 
 
 class ForwardResult(NamedTuple):
-    """The numbers that `BlockQuantizer.forward` finds on its way, for `backward` and `learn`."""
+    """Intermediate results of `BlockQuantizer.forward`, for `backward` and `learn`."""
 
     difference: F4
     """(n, 8) f4, the values or differences that were quantised."""
@@ -56,40 +56,23 @@ class Learned(NamedTuple):
 
 
 class BlockQuantizer:
-    """Quantises one block: values as they are (intra), or their difference from a reference (inter).
-
-    Parameters
-    ----------
-    values
-        (n, 8) f4 with the columns of `Splats.to_array`, which the quantisers are started from.
-    reference
-        (n, 8) f4, the same splats in the decoded frame before; None for an intra block.
-    active
-        The attributes that may differ from the reference; None: all.
-    size
-        (2,) f4, half the width and half the height of the frame in pixels.
-    settings
-        How to quantise.
-    rng
-        Draws the starts of codebooks and replacements for dead codewords.
-    kept
-        Quantiser and codebooks that the decoder has and that are to be used unchanged, if there are any.
-    """
+    """Quantises one block: values as they are (intra), or their difference from a reference (inter)."""
 
     def __init__(
         self,
-        values: F4,
-        reference: F4 | None,
-        active: Active | None,
-        size: F4,
+        values: F4,  # (n, 8) f4, from which the quantisers are started
+        reference: F4 | None,  # (n, 8) f4, the same splats as decoded before; None: an intra block
+        active: Active | None,  # (n, 3) bool, what may differ from the reference; None: all
+        size: F4,  # (2,) f4, half the width and height in pixels
         settings: BlockSettings,
-        rng: np.random.Generator,
-        kept: Kept,
+        rng: np.random.Generator,  # draws starts of codebooks and replacements of dead codewords
+        kept: Kept,  # what the decoder has and is used unchanged
     ) -> None:
         self.reference, self.size, self.settings, self.rng, self.kept = reference, size, settings, rng, kept
         self.active = np.ones((len(values), 3), np.bool_) if active is None else active
         self._no_reference = np.empty((0, 8), np.float32)
         self._largest = np.float32(lsq.largest_code(settings.cholesky_bits))
+        # The weight of a colour in learning, (n,): l11 l22 is the splat's area up to a factor.
         self.area = np.sqrt(np.abs(values[:, 2] * values[:, 4])) if settings.weigh_by_area else np.ones(len(values))
         self.present = tuple(reference is None or bool(part.any()) for part in self.active.T)
         difference = self.differences(values)
@@ -102,7 +85,7 @@ class BlockQuantizer:
         self._lsq_gradient = np.zeros((2, 3), np.float32)
 
     def differences(self, values: F4) -> F4:
-        """The values, or their active differences, (n, 8) f4."""
+        """What is quantised, (n, 8) f4: the values, or their differences where they are active and 0 elsewhere."""
         if self.reference is None:
             return values
         mask = np.repeat(self.active, [2, 3, 3], axis=1)  # (n, 8)
@@ -119,7 +102,7 @@ class BlockQuantizer:
         if self.kept.codebooks is not None:
             return None
         chosen = self.active[:, 2]
-        if not chosen.any():
+        if not chosen.any():  # then no colour is coded, but the codebooks must exist
             chosen = np.ones_like(chosen)
         return initialize(colors[chosen], self.settings.colors, self.rng, self.area[chosen])
 
@@ -178,6 +161,7 @@ class BlockQuantizer:
         reference = self._no_reference if self.reference is None else self.reference
         difference_of(values, reference, self.active, difference)
         position, cholesky, color = self.present
+        # An absent plane leaves the reference as it is, as `reconstruct` does.
         if not (position and cholesky and color):
             np.copyto(decoded, reference)
         if position:
@@ -216,6 +200,7 @@ class BlockQuantizer:
         if self.kept.quantizer is None and self.settings.cholesky_step is None:
             steps = np.zeros((2, 3), np.float32)
             rate = np.full(3, self.settings.quantizer_rate * factor, np.float32)
+            # From zero the step is the increment itself, of log(scale) and of offset / scale.
             self._lsq_optimizer.step(steps, self._lsq_gradient, rate)
             # exp to second order: steps are of the size of the rate, and a library's exp may differ from another's.
             growth = 1 + steps[0] + steps[0] * steps[0] / 2

@@ -9,23 +9,11 @@ from gsvc_base.errors import UsageError
 
 @dataclass(frozen=True)
 class Convergence:
-    """The rule: a number of iterations in a row whose loss differs from the one before by at most a tolerance.
+    """The rule: a number of iterations in a row whose loss differs from the one before by at most a tolerance."""
 
-    Attributes
-    ----------
-    patience
-        Number of iterations in a row; the paper has 100.
-    tolerance
-        Largest absolute difference of the loss between two iterations; the paper has 1e-7, for the L2 loss that sums
-        the squares of the three channels (a mean over channels would be a third of it).
-
-    Raises
-    ------
-    UsageError
-        Patience is below 1, or the tolerance negative or NaN.
-    """
-
-    patience: int = 100
+    patience: int = 100  # iterations in a row
+    # Maximum difference of the loss between two iterations. The paper's 1e-7 is of a loss that sums the squares of the
+    # three channels; a mean over channels would be a third of it.
     tolerance: float = 1e-7
 
     def __post_init__(self) -> None:
@@ -47,13 +35,7 @@ class ConvergenceTest:
         self.previous = math.inf
 
     def update(self, loss: float) -> bool:
-        """Take the loss of the next iteration; True once the rule is met.
-
-        Raises
-        ------
-        UsageError
-            The loss is NaN: training has diverged.
-        """
+        """Take the loss of the next iteration; True once the rule is met."""
         if math.isnan(loss):
             raise UsageError("the loss is NaN; training has diverged, use lower learning rates")
         is_small = abs(loss - self.previous) <= self.rule.tolerance  # (10-31)

@@ -14,35 +14,15 @@ from gsvc_ref.training.settings import FitSettings
 
 
 def fine_tune(
-    values: F4,
-    quantizer: FrameQuantizer,
+    values: F4,  # (n, 8) f4, fitted, in the order of the quantizer's population
+    quantizer: FrameQuantizer,  # changed in place
     objective: Objective,
     settings: FitSettings,
-    on_iteration: OnIteration | None = None,
+    on_iteration: OnIteration | None = None,  # once more than there are iterations, unless they converge
 ) -> tuple[FrameCodes, State, int]:
-    """Minimise the loss of the reconstructed splats over the values and the learned quantisers.
+    """Minimise the loss of the decoded splats over the values and the learned quantisers.
 
-    Parameters
-    ----------
-    values
-        (n, 8) f4, the fitted parameters in the order of the quantiser's population.
-    quantizer
-        Changed in place.
-    objective
-        The frame's picture.
-    settings
-        How to fine-tune.
-    on_iteration
-        Called after each evaluation: once more than there are iterations, unless they converge.
-
-    Returns
-    -------
-    codes
-        The codes with the least loss of all evaluations.
-    state
-        The decoder's state after them.
-    iterations
-        The number of iterations made.
+    Returns the codes with the least loss of all evaluations, the decoder's state after them, and the iterations made.
     """
     model = _QuantizedValues(values, quantizer, settings)
     objective.freeze(quantizer.forward(values)[0], quantizer.static)  # no step changes these splats

@@ -11,25 +11,9 @@ from gsvc_ref.training.settings import FitSettings
 def fit(
     population: Population, objective: Objective, settings: FitSettings, on_iteration: OnIteration | None = None
 ) -> tuple[float, int]:
-    """Minimise the loss of one frame over the parameters of a population, which is changed in place.
+    """Minimise the loss of one frame over a population, which is changed in place.
 
-    Parameters
-    ----------
-    population
-        The splats to begin with; GSP removes some, if the settings have it.
-    objective
-        The frame's picture.
-    settings
-        How to fit.
-    on_iteration
-        Called after each iteration.
-
-    Returns
-    -------
-    loss
-        The loss (10-1) of the parameters at the end.
-    iterations
-        The number of iterations made.
+    Returns the loss (10-1) at the end and the number of iterations. GSP removes splats, if the settings have it.
     """
     counts = settings.pruning.counts(len(population), settings.iterations) if settings.pruning else {}
     removals = {done: partial(population.prune, count) for done, count in counts.items()}

@@ -22,7 +22,7 @@ REUSE_LOSS: Final = 1.25
 """The decoder's quantisers are used again for new splats if they raise the loss by at most this factor (1 dB)."""
 
 BITS_OF_ATTRIBUTES: Final = np.array([1.0, 1.0, 0.5], np.float32)
-"""What a change of position, Cholesky factor and colour must be worth, against each other: about as their bits. On 16
+"""What a change of position, Cholesky factor and colour must be worth, in proportion to their bits. On 16
 frames of `carphone` and 10 of `bikes` 1/2 in place of 1 for colours gave 0.2 dB for 1 % of the bytes."""
 
 STEPS_PSNR: Final = 35.0
@@ -36,33 +36,17 @@ MAX_DOUBLINGS: Final = 2
 
 
 class FrameQuantizer:
-    """The quantisers of a frame: one for the survivors' differences, one for the values of all other splats.
-
-    Parameters
-    ----------
-    population
-        The fitted splats: survivors first, in the order of the reference, then new ones.
-    objective
-        The frame's picture.
-    intra, inter
-        How to quantise values, and differences.
-    before
-        The decoder's state before the frame (that of `State.forget` for an I-frame).
-    rng
-        Draws the starts of codebooks.
-    accepted
-        A loss that is accepted anyway: with less, differences are coded no finer than for this one.
-    """
+    """The quantisers of a frame: one for the survivors' differences, one for the values of all other splats."""
 
     def __init__(
         self,
-        population: Population,
+        population: Population,  # survivors first, in the order of the reference, then new splats
         objective: Objective,
-        intra: BlockSettings,
-        inter: BlockSettings,
-        before: State,
-        rng: np.random.Generator,
-        accepted: float = 0.0,
+        intra: BlockSettings,  # for values
+        inter: BlockSettings,  # for differences
+        before: State,  # `State.forget` for an I-frame
+        rng: np.random.Generator,  # draws the starts of codebooks
+        accepted: float = 0.0,  # a loss: with less, differences are coded no finer than for this one
     ) -> None:
         values = population.parameters()
         origins = population.origins[population.origins != NEW]
@@ -75,6 +59,7 @@ class FrameQuantizer:
         total = max(objective.loss(values), accepted) * before.width * before.height
         if self.survivors:
             old, reference = values[: self.survivors], before.splats.to_array()[origins]
+            # A change must make as much squared error as a splat's mean share of it, times the threshold.
             active = changed(old, reference, total / len(values) * inter.static_threshold)
             block = with_steps_for(total / (before.width * before.height), inter)
             self.inter = inter_quantizer(old, reference, active, size, block, before.inter, rng)

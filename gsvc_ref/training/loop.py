@@ -1,4 +1,4 @@
-"""The loop of all training: evaluate, step, prune, stop or go on.
+"""The loop of all training: evaluate, step, prune, test for convergence.
 
 `fit` runs it over the nine values of each splat, `fine_tune` over the eight that are quantised and coded.
 """
@@ -28,21 +28,11 @@ OnIteration = Callable[[int, int, float], None]
 
 
 class Model(Protocol):
-    """Splats in training, as the loop sees them.
+    """Splats in training, as the loop sees them."""
 
-    Attributes
-    ----------
-    values
-        (N, P) f4, changed in place: the first P columns of `Population.values`, P = 8 or 9.
-    optimizer
-        Adan's state of `values`.
-    keeps_best
-        Whether the result is the best of all values that were evaluated. Then training ends with an evaluation, which
-        no step follows; otherwise with a step.
-    """
-
-    values: F4
+    values: F4  # (N, P) f4, changed in place: the first P columns of `Population.values`, P = 8 or 9
     optimizer: Adan
+    # The result is the best of all values evaluated: training ends with an evaluation; otherwise it ends with a step.
     keeps_best: ClassVar[bool]
 
     def evaluate(self, objective: Objective) -> tuple[float, F4]:
@@ -60,15 +50,10 @@ def minimise(
     on_iteration: OnIteration | None = None,
     removals: Mapping[int, Callable[[], None]] | None = None,
 ) -> int:
-    """Minimise the loss of a picture over the values of a model, which are changed in place.
+    """Minimise the loss of a picture over the values of a model, in place; the number of steps made.
 
     `removals` are called after the steps of their numbers, from 1: splats that GSP removes. Training does not stop
     early before the last of them.
-
-    Returns
-    -------
-    int
-        The number of steps made, at most `settings.iterations`.
     """
     columns = model.values.shape[1]
     unit = learned_unit(settings.learn_pixels, objective.width, objective.height)[:columns]

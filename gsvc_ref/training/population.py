@@ -18,25 +18,15 @@ NEW: Final = -1
 
 
 class Population:
-    """Splats in training: parameters, weights w, origins and the optimiser's state, row by row.
-
-    Attributes
-    ----------
-    values
-        (N, 9) f4: the columns of `Splats.to_array`, then w.
-    origins
-        (N,) i8: the index of the splat in the reference frame, or NEW.
-    optimizer
-        Adan's state of `values`.
-    """
+    """Splats in training: parameters, weights w, origins and the optimiser's state, row by row."""
 
     keeps_best: ClassVar[bool] = False
 
     def __init__(
         self, splats: Splats, weight: float, origins: NDArray[np.int64], optimizer: AdanSettings | None = None
     ) -> None:
-        self.values = _rows(splats, weight)  # (N, 9) f4
-        self.origins = origins
+        self.values = _rows(splats, weight)  # (N, 9) f4: the columns of `Splats.to_array`, then w
+        self.origins = origins  # (N,) i8, the index of the splat in the reference frame, or NEW
         self.optimizer = Adan(len(splats), PARAMETERS_PER_SPLAT + 1, optimizer)
 
     def __len__(self) -> int:

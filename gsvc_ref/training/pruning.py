@@ -24,21 +24,10 @@ class PruningSchedule:
     Removals come after the iterations first, first + interval, ... and last. Each removes the same number, rounded
     down; the last also removes the remainder, so that the counts add up. Where the last would come later
     than after SETTLING of the iterations, all removals move forward in proportion.
-
-    Attributes
-    ----------
-    fraction
-        Fraction of the splats at the start that is removed in all, in [0, 1).
-    first, last, interval
-        Iterations, counted from 1.
-
-    Raises
-    ------
-    UsageError
-        A number is out of its range, or last comes before first.
     """
 
-    fraction: float = 0.1
+    fraction: float = 0.1  # of the splats at the start, removed in all, in [0, 1)
+    # Iterations, counted from 1.
     first: int = 100
     last: int = 4000
     interval: int = 100
@@ -105,12 +94,12 @@ def pruning_plan(splats: int, iterations: int, fraction: float, first: int, last
     total = round(fraction * splats)
     times = [*range(first, last, interval), last] if iterations > 0 else []
     share = total // max(len(times), 1)
-    scale = min(1.0, SETTLING * iterations / last)
+    scale = min(1.0, SETTLING * iterations / last)  # below 1 where `last` would come too late
     removed: dict[int, int] = {}
     for time in times:
         count = share if time != last else total - share * (len(times) - 1)
         iteration = max(1, int(time * scale))  # (10-25)
-        if count:
+        if count:  # scaled iterations may coincide: their counts add up
             removed[iteration] = removed.get(iteration, 0) + count
     return PruningPlan(np.array(list(removed), np.int64), np.array(list(removed.values()), np.int64))
 
@@ -142,7 +131,7 @@ def prune(weights: ArrayLike, removed: int) -> NDArray[np.int64]:
         raise UsageError(f"cannot remove {removed} splats by weights of shape {magnitude.shape}; give 0..N and (N,)")
     if np.isnan(magnitude).any():
         raise UsageError("a weight is NaN; training has diverged, use lower learning rates")
-    largest_first = np.argsort(-magnitude, kind="stable")
+    largest_first = np.argsort(-magnitude, kind="stable")  # stable: among equal |w| the lower index comes first
     return np.sort(largest_first[: len(magnitude) - removed])
 
 

@@ -28,13 +28,7 @@ class Constant:
 
 @dataclass(frozen=True)
 class StepDecay:
-    """Rates multiplied by `factor` after every `interval` iterations; the paper's defaults (section 4.1); R-10.4-1.
-
-    Raises
-    ------
-    UsageError
-        The factor is not in (0, 1], or the interval is below 1.
-    """
+    """Rates multiplied by `factor` after every `interval` iterations; the paper's defaults (section 4.1); R-10.4-1."""
 
     factor: float = 0.5
     interval: int = 20_000
@@ -51,13 +45,7 @@ class StepDecay:
 
 @dataclass(frozen=True)
 class Cosine:
-    """Rates that fall from 1 to `final` along half a cosine within `steps` iterations, and stay there.
-
-    Raises
-    ------
-    UsageError
-        There is no step, or the final factor is not in [0, 1].
-    """
+    """Rates that fall from 1 to `final` along half a cosine within `steps` iterations, and stay there."""
 
     steps: int
     final: float = 0.02

@@ -46,20 +46,11 @@ class Rates:
 
 @dataclass(frozen=True)
 class Growth:
-    """Beginning with a part of the splats and adding the others where the residual is (ours, not the paper's).
+    """Beginning with a part of the splats and adding the others where the residual is (ours, not the paper's)."""
 
-    Attributes
-    ----------
-    first
-        Fraction of the splats that the first iteration has.
-    additions
-        How many times splats are added, in equal numbers.
-    begin, end
-        The fractions of the iterations at which the first and the last addition come.
-    """
-
-    first: float = 0.1
-    additions: int = 15
+    first: float = 0.1  # fraction of the splats that the first iteration has
+    additions: int = 15  # in equal numbers
+    # Fractions of the iterations at which the first and the last addition come.
     begin: float = 0.04
     end: float = 0.6
 
@@ -84,32 +75,19 @@ class Growth:
 
 @dataclass(frozen=True)
 class FitSettings:
-    """How a frame is fitted or fine-tuned; the defaults are the paper's for the fit of an I-frame.
-
-    Attributes
-    ----------
-    iterations
-        Maximum number of iterations.
-    rates, schedule, optimizer
-        Learning rates, their factor over the iterations, and Adan's other settings.
-    learn_pixels
-        Learn positions in pixels. False learns them normalised to -1..1, so that a rate means the same fraction of
-        any frame, as in the authors' code.
-    relative_steps
-        Multiply the steps of positions and Cholesky factors by half the splat's mean radius, within STEP_SIZES.
-    convergence
-        When to stop early, or None.
-    pruning
-        When GSP removes how many splats, which also makes the weights w learnable; None: neither.
-    """
+    """How a frame is fitted or fine-tuned; the defaults are the paper's for the fit of an I-frame."""
 
     iterations: int = 50_000
     rates: Rates = Rates()
     schedule: Schedule = PAPER_SCHEDULE
     optimizer: AdanSettings = field(default_factory=AdanSettings)
+    # Learn positions in pixels. False learns them normalised to -1..1, so that a rate means the same fraction of any
+    # frame, as in the authors' code.
     learn_pixels: bool = False
+    # Multiply the steps of positions and Cholesky factors by half the splat's mean radius, within STEP_SIZES
     relative_steps: bool = False
-    convergence: Convergence | None = field(default_factory=Convergence)
+    convergence: Convergence | None = field(default_factory=Convergence)  # when to stop early
+    # When GSP removes how many splats, which also makes the weights w learnable; None: neither
     pruning: PruningSchedule | None = field(default_factory=PruningSchedule.intra)
 
     def __post_init__(self) -> None:
@@ -131,41 +109,25 @@ class FitSettings:
 
 @dataclass(frozen=True)
 class BlockSettings:
-    """The quantisers of a block; the defaults are those of the paper and, where it is silent, of its public code.
+    """The quantisers of a block; the defaults are those of the paper and, where it is silent, of its public code."""
 
-    Attributes
-    ----------
-    position_step
-        Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their
-        low bits cost nothing; None keeps all bits of binary16.
-    cholesky_bits
-        b, the bits of a Cholesky code.
-    cholesky_step
-        A fixed scale in pixels around an exact zero, for differences; None learns scale and offset.
-    colors
-        Stages, codewords and training of the residual vector quantiser.
-    weigh_by_area
-        Let a colour count by the square root of its splat's area, since a large splat shows its error on more pixels.
-    commitment
-        Weight of the commitment loss.
-    quantizer_rate
-        Learning rate of scale (as a fraction of itself) and offset (as a fraction of the scale).
-    static_threshold
-        P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
-        share of the squared error is left as it is in the reference; 0 codes every change, as in the paper.
-    weigh_factors
-        Begin with the scale and offset of Cholesky factors by which the picture changes least (`shape_weights`), not
-        the factors themselves: one long needle then does not make the steps of all splats coarse.
-    """
-
+    # Positions are rounded to multiples of a power of two, at most this many pixels, before binary16, so that their low
+    # bits cost nothing; None keeps all bits of binary16
     position_step: float | None = None
-    cholesky_bits: int = 6
+    cholesky_bits: int = 6  # b
+    # A fixed scale in pixels around an exact zero, for differences; None learns scale and offset
     cholesky_step: float | None = None
     colors: RvqSettings = field(default_factory=RvqSettings)
+    # Let a colour count by the square root of its splat's area, since a large splat shows its error on more pixels
     weigh_by_area: bool = False
-    commitment: float = 1.0
+    commitment: float = 1.0  # weight of its loss
+    # Learning rate of scale (as a fraction of itself) and offset (as a fraction of the scale)
     quantizer_rate: float = 1e-3
+    # P-frames: an attribute of a splat whose change alters the picture by less than this fraction of a splat's mean
+    # share of the squared error is left as it is in the reference; 0 codes every change, as in the paper
     static_threshold: float = 0.0
+    # Begin with the scale and offset of Cholesky factors by which the picture changes least (`shape_weights`), not the
+    # factors themselves: one long needle then does not make the steps of all splats coarse
     weigh_factors: bool = False
 
     def __post_init__(self) -> None:

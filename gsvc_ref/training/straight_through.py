@@ -17,7 +17,7 @@ Mask = NDArray[np.bool_]
 
 @kernel()
 def difference_of(values: F4, reference: F4, active: Mask, difference: F4) -> None:
-    """The values where there is no reference (0, 8), else the active differences, which are quantised; (n, 8) f4."""
+    """What is quantised, (n, 8) f4: the values where the reference is (0, 8), else the active differences."""
     for n in range(values.shape[0]):
         for k in range(8):
             if reference.shape[0] == 0:
@@ -36,6 +36,7 @@ def decode_positions(difference: F4, reference: F4, size: F4, step_exponent: int
         for k in range(2):
             normalised = difference[n, k] / size[k] - offset
             normalised = min(max(normalised, np.float32(-LARGEST_HALF)), np.float32(LARGEST_HALF))
+            # Binary64 holds every binary32 exactly.
             half = np.float32(nearest_half(np.float64(normalised), step_exponent))
             if reference.shape[0] == 0:
                 decoded[n, k] = (half + offset) * size[k]
@@ -62,7 +63,7 @@ def decode_colors(difference: F4, reference: F4, books: F4, ends: I8, chosen: In
     nearest_codewords(difference[:, 5:8], books, ends, chosen, errors)
     for n in range(difference.shape[0]):
         for c in range(3):
-            value = books[chosen[n, 0], c]
+            value = books[chosen[n, 0], c]  # binary32, stage after stage: the order of (8-4)
             for k in range(1, ends.size):
                 value += books[ends[k - 1] + chosen[n, k], c]
             decoded[n, 5 + c] = value if reference.shape[0] == 0 else reference[n, 5 + c] + value
@@ -70,22 +71,19 @@ def decode_colors(difference: F4, reference: F4, books: F4, ends: I8, chosen: In
 
 @kernel()
 def grad_decode(
-    difference: F4,
-    errors: F4,
-    active: Mask,
-    scale: F4,
-    offset: F4,
-    p: np.float32,
-    pull: np.float32,
-    commitment: np.float32,
-    grad_decoded: F4,
-    grad_values: F4,
-    sums: F8,
+    difference: F4,  # (n, 8) f4
+    errors: F4,  # (n, 3) f4, what the stages of RVQ left, summed
+    active: Mask,  # (n, 3) bool
+    scale: F4,  # (3,) f4
+    offset: F4,  # (3,) f4
+    p: np.float32,  # the largest code
+    pull: np.float32,  # 2 / (3 n), the factor of the commitment gradient
+    commitment: np.float32,  # the weight of its loss
+    grad_decoded: F4,  # (n, 8) f4, dL/ddecoded
+    grad_values: F4,  # (n, 8) f4, becomes dL/dvalues
+    sums: F8,  # (2, 3) f8, becomes dL/dscale and dL/doffset
 ) -> None:
-    """dL/dvalues (n, 8) f4 of active attributes, and dL/dscale, dL/doffset: sums (2, 3) f8 in the order of the splats.
-
-    `pull` is 2 / (3 n), the factor of the commitment gradient.
-    """
+    """The straight-through gradients of a block; sums are taken in binary64, in the order of the splats."""
     sums[:] = 0
     for n in range(difference.shape[0]):
         for k in range(2):
@@ -93,6 +91,7 @@ def grad_decode(
         for c in range(3):
             t = (difference[n, 2 + c] - offset[c]) / scale[c]  # (10-15)
             grad, inside = np.float64(grad_decoded[n, 2 + c]), True
+            # A clamped code follows the end of its range, not the value (10-18).
             if t < 0:
                 inside = False
                 sums[1, c] += grad

@@ -58,6 +58,7 @@ def weighted_gradients(values: F4, gradients: F4) -> F4:
 
 @kernel()
 def _weighted_parameters(values: F4, parameters: F4) -> None:
+    """Fill parameters (N, 8) f4 from values (N, 9) f4."""
     for n in range(values.shape[0]):
         for k in range(5):
             parameters[n, k] = values[n, k]
@@ -67,6 +68,7 @@ def _weighted_parameters(values: F4, parameters: F4) -> None:
 
 @kernel()
 def _weighted_gradients(values: F4, gradients: F4, result: F4) -> None:
+    """Fill dL/dvalues (N, 9) f4 from dL/dparameters (N, 8) f4; dL/dw adds red and green first, then blue."""
     for n in range(values.shape[0]):
         for k in range(5):
             result[n, k] = gradients[n, k]

@@ -32,13 +32,7 @@ REMEDIES: Final = {
 
 
 class SplatsError(UsageError):
-    """Splats of a frame that cannot be coded.
-
-    Attributes
-    ----------
-    frame
-        The number of the frame.
-    """
+    """Splats of a frame that cannot be coded."""
 
     def __init__(self, frame: int, message: str, splat: int | None = None) -> None:
         super().__init__(frame, message, splat)
@@ -59,22 +53,7 @@ class GivenSplats(NamedTuple):
 
 
 class GivenFrames:
-    """The frames that a caller gives, checked one by one.
-
-    Parameters
-    ----------
-    frames
-        Splats, their parameters (N, 8), or either with ids: ``(parameters, ids)``.
-    width, height
-        Size of the frames in pixels.
-    degenerate
-        What becomes of splats whose l11 or l22 is below 2^-126.
-
-    Attributes
-    ----------
-    turned, removed
-        The number of splats so far whose signs were turned, and that were left out.
-    """
+    """The frames that a caller gives, checked one by one."""
 
     def __init__(self, frames: Iterable[FrameOfSplats], width: int, height: int, degenerate: Degenerate) -> None:
         if degenerate not in get_args(Degenerate):
@@ -86,7 +65,7 @@ class GivenFrames:
         self._high = np.concatenate([(1 + LARGEST_HALF) * half, [LARGEST_FACTOR] * 3, [LARGEST_HALF] * 3])
         self._with_ids: bool | None = None
         self._last_ids, self._next_id = np.empty(0, np.int64), 0
-        self.turned = self.removed = 0
+        self.turned = self.removed = 0  # splats so far whose signs were turned, and that were left out
 
     def __iter__(self) -> Iterator[GivenSplats]:
         for number, item in enumerate(self._frames):

@@ -45,29 +45,12 @@ class _Coded(NamedTuple):
 
 
 class SplatCoder:
-    """Codes frames of splats in order, each against the reconstruction of the one before (closed loop).
-
-    Parameters
-    ----------
-    settings
-        The quantisers, `key_frames` and how to render.
-    width, height, bit_depth
-        Size of the frames in pixels, and the bits of a sample.
-    level
-        The highest level that frames may need.
-
-    Attributes
-    ----------
-    settings
-        The settings.
-    state
-        The decoder's state after the frames so far.
-    """
+    """Codes frames of splats in order, each against the reconstruction of the one before (closed loop)."""
 
     def __init__(self, settings: PaperSettings, width: int, height: int, bit_depth: int, level: int) -> None:
         self.settings, self.level, self.bit_depth = settings, level, bit_depth
         self.width, self.height = width, height
-        self.state = State.initial(width, height)
+        self.state = State.initial(width, height)  # the decoder's, after the frames so far
         self._ids = np.empty(0, np.int64)  # of the decoded splats
         self._given: GivenSplats | None = None  # the splats of the frame before as they were given
         self._accepted = 0.0  # the loss of the last I-frame against the splats given
@@ -82,13 +65,7 @@ class SplatCoder:
         return self
 
     def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
-        """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it.
-
-        Raises
-        ------
-        UsageError
-            The frame has more splats or rendering work than the level allows.
-        """
+        """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it."""
         self._check_level(frame, number)
         progress("quantize", 0, 0, np.inf)
         seconds = StageSeconds()
