@@ -1,6 +1,7 @@
 """The width of a tile may be any power of two: the same picture, and gradients within the bound of the definition."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 LAYOUT = "gsvc_ref/rendering/fast/tiles.py"
+TILES = (ROOT / LAYOUT).read_text(encoding="utf-8")
 
 PROGRAM = """
 import sys
@@ -33,9 +35,9 @@ assert np.array_equal(render_sum(splats, 45, 19, precision="deterministic"), sum
 def run_with_tiles_of(width, folder):
     """The program with a copy of the package whose tiles have another width, interpreted."""
     shutil.copytree(ROOT / "gsvc_ref", folder / "gsvc_ref", ignore=shutil.ignore_patterns("__pycache__"))
-    text = (ROOT / LAYOUT).read_text(encoding="utf-8")
-    assert text.count("TILE_WIDTH: Final = 16\n") == 1
-    (folder / LAYOUT).write_text(text.replace("TILE_WIDTH: Final = 16\n", f"TILE_WIDTH: Final = {width}\n"))
+    text, found = re.subn(r"^TILE_WIDTH: Final = \d+$", f"TILE_WIDTH: Final = {width}", TILES, flags=re.MULTILINE)
+    assert found == 1
+    (folder / LAYOUT).write_text(text)
     return subprocess.run(
         [sys.executable, "-W", "ignore", "-c", PROGRAM, str(Path(__file__).parent), str(width)],
         cwd=folder, env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, text=True, check=False,

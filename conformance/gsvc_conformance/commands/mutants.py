@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from fnmatch import fnmatchcase
 from functools import cache
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, print_json, show
@@ -16,6 +16,9 @@ from gsvc_conformance.vector_folder import VectorFolder
 
 if TYPE_CHECKING:
     from gsvc_conformance.mutants import Mutant
+
+
+UNREACHED: Final = "  No vector runs what it changes: add a case, and write vectors by `gsvc-conformance generate`."
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -62,7 +65,7 @@ def run(arguments: Namespace) -> int:
                 continue
             found[mutant.name] = by
             if not (by or arguments.json):
-                show(f"{mutant.name} SURVIVES: {mutant.sentence}")
+                show(f"{mutant.name} SURVIVES: {mutant.sentence}", *([] if _reached(mutant, vectors) else [UNREACHED]))
     if not found:
         raise UsageError(f"none of {plural(len(mutants), 'mutant')} is one that the selected vectors are to find")
     if arguments.json:

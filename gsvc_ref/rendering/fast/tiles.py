@@ -12,6 +12,8 @@ import numpy as np
 from gsvc_base.arrays import F4
 
 TILE_WIDTH: Final = 16
+# Any power of two gives the same picture. Another one adds the gradients in another order, so that even deterministic
+# encodes have other bytes.
 assert TILE_WIDTH.bit_count() == 1 < TILE_WIDTH, "lanes are added half to half: a power of two"
 CHANNELS: Final = 3
 ROW: Final = CHANNELS * TILE_WIDTH
