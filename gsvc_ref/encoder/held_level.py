@@ -24,21 +24,21 @@ class HeldLevel:
     fall: float  # the dB by which a P-frame may be below the reference
     coarsest: int  # quantizer of the I-frame
     # PSNR in dB of the reference (None: no P-frame so far), and of the last P-frame
-    level: float | None = None
+    reference: float | None = None
     last: float = 0.0
 
-    def after(self, quality: float) -> "HeldLevel":
+    def after(self, psnr: float) -> "HeldLevel":
         """What is known after another P-frame with this PSNR in dB."""
-        begins = self.level is None or quality < self.last - JUMP
-        return replace(self, level=quality if begins else self.level, last=quality)
+        begins = self.reference is None or psnr < self.last - JUMP
+        return replace(self, reference=psnr if begins else self.reference, last=psnr)
 
     def following(self, quantizer: int) -> int:
-        """The quantiser of the next P-frame, after one with this quantiser."""
-        if self.level is None:
+        """The quantizer of the next P-frame, after one with this quantizer."""
+        if self.reference is None:
             return quantizer
-        behind = self.level - self.last
-        if behind > self.fall:
+        loss = self.reference - self.last
+        if loss > self.fall:
             return max(quantizer - 1, self.coarsest - FINEST, 0)
-        if behind < self.fall - RECOVERED:
+        if loss < self.fall - RECOVERED:
             return min(quantizer + 1, self.coarsest)
         return quantizer

@@ -138,9 +138,9 @@ def coarser(
     return best
 
 
-def is_missed(psnr: float, goal: float, level: float) -> bool:
-    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `level`, is to take its place."""
-    return psnr < (goal if level >= goal else level - MOST_DROP)
+def is_missed(psnr: float, goal: float, intra_psnr: float) -> bool:
+    """Whether a P-frame misses a goal so that an I-frame is to take its place; the last one has `intra_psnr`."""
+    return psnr < (goal if intra_psnr >= goal else intra_psnr - MOST_DROP)
 
 
 def coarsest(
