@@ -139,7 +139,7 @@ def coarser(
 
 
 def is_missed(psnr: float, goal: float, intra_psnr: float) -> bool:
-    """Whether a P-frame misses a goal so that an I-frame is to take its place; the last one has `intra_psnr`."""
+    """Whether a P-frame misses a goal so that an I-frame, of which the last one had `intra_psnr`, takes its place."""
     return psnr < (goal if intra_psnr >= goal else intra_psnr - MOST_DROP)
 
 

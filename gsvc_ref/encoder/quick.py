@@ -13,10 +13,7 @@ from gsvc_ref.encoder.main.coordinates import to_coordinates, to_parameters
 from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.fitter import FIT_D, descend, fit
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.training import NEW, Growth
-
-GROWTH: Final = Growth(end=0.45)
-"""When the splats of an I-frame are added: early, so that the last ones find their places too."""
+from gsvc_ref.training import NEW
 
 PRUNED_GRADIENT_SHARE: Final = 0.5
 """The share of its gradient's term by which a splat is judged before it is removed: a fit compensates the rest. On 30
@@ -25,7 +22,7 @@ frames of `carphone` and `bikes` at N = 700 1/4 and 1/2 gave the same within 0.2
 
 def grown(target: Target, total: int, iterations: int, rng: Generator) -> F4:
     """Splats (total, 8) f4 of an I-frame: they are added where the picture is worst, and descend together."""
-    return to_parameters(fit(target, total, rng, iterations, GROWTH))
+    return to_parameters(fit(target, total, rng, iterations))
 
 
 def refitted(target: Target, parameters: F4, iterations: int) -> F4:

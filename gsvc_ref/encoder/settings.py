@@ -280,8 +280,8 @@ class MainSettings(Settings):
     PRESETS: ClassVar[tuple[str, ...]] = ("quick", "slow")
     ELSEWHERE: ClassVar[str] = "{} is a setting of profile main; profile paper has splats and psnr for its quality"
 
-    intra: IntraSettings = field(default_factory=IntraSettings.quick)
-    inter: InterSettings = field(default_factory=InterSettings.quick)
+    intra: IntraSettings = field(default_factory=IntraSettings)
+    inter: InterSettings = field(default_factory=InterSettings)
     # 0, the coarsest, to 79, the finest: frames have `quantizer` 79 - `quality`, and 8 more halve the step D of codes.
     # Without `splats`, a frame gets those that are worth their bits at this D. None: D follows from the splats.
     quality: int | None = None

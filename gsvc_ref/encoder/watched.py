@@ -1,9 +1,9 @@
 """The objectives that search a P-frame of profile `main`: all pixels, or a part in turns."""
 
-from collections.abc import Callable
 from typing import Any, Final
 
 from gsvc_base.arrays import F4
+from gsvc_ref.encoder.main.target import OnEvaluation
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective, SampledObjective
 
@@ -11,9 +11,6 @@ HALF_FROM: Final = 48.0
 QUARTER_FROM: Final = 160.0
 """Half of the pixels are looked at in turns from the first number of pixels for each splat on, and a quarter from the
 second on. With fewer the search follows what single pixels say, and that costs bits."""
-
-OnEvaluation = Callable[[float], None]
-"""Called with the loss of each evaluation."""
 
 
 def watched_objectives(

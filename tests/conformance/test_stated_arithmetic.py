@@ -5,19 +5,21 @@ from pathlib import Path
 
 import pytest
 
+import gsvc_base
 import gsvc_conformance
 import gsvc_ref
 from gsvc_conformance.operation import MODULES
 
 KIT = Path(gsvc_conformance.__file__).parent
+BASE = Path(gsvc_base.__file__).parent
 CODEC = Path(gsvc_ref.__file__).parent
 SOURCES = sorted(
     [
         *(KIT / "operations").glob("*.py"),
         KIT / "elementary.py",
-        *(CODEC / "testing" / f"{name}.py" for name in ("distinct", "expansions", "running_error", "training_bounds")),
-        *(CODEC / "rendering" / name for name in ("bounds.py", "definition.py", "fast/exponential.py")),
-        CODEC / "rendering" / "deterministic.py",
+        *(BASE / "exact").glob("*.py"),
+        *(BASE / "rendering").glob("*.py"),
+        *(CODEC / "rendering" / name for name in ("deterministic.py", "fast/exponential.py")),
     ]
 )
 UNSTATED = {

@@ -2,6 +2,7 @@
 
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -100,6 +101,7 @@ def run(arguments: Namespace) -> int:
     UsageError
         No stream has what is asked for, or the folder is not empty.
     """
+    import_module("numba")  # if it is missing, this is said before any work
     from gsvc_conformance.streams import write_streams
     from gsvc_tools.cli.where import opened_workers
 

@@ -26,16 +26,9 @@ MOST_CHANGE: Final = 20.0
 """Largest change of ln(l11 / l22) by rounding that a shear goes along with; it keeps exp within its range."""
 
 
-def _intra_limits() -> I8:
-    """Limits before densities are chosen to fit: the shear's, and any size and aspect that a state can hold."""
-    limits = np.empty((3, CLASSES, 2), np.int64)
-    limits[:2] = -A_MOST, A_MOST
-    most = int(MOST_SHEAR * 1024) // SHEAR_STEPS
-    limits[2] = np.stack([-most, most], axis=1)
-    return limits
-
-
-INTRA_LIMITS: Final = _intra_limits()
+_INTRA_MOST: Final = np.stack([*np.full((2, CLASSES), A_MOST), int(MOST_SHEAR * 1024) // SHEAR_STEPS])
+INTRA_LIMITS: Final[I8] = _INTRA_MOST[:, :, None] * np.array([-1, 1])
+"""Limits before densities are chosen to fit: any size and aspect that a state can hold, and the shear's."""
 
 
 def limits_of(densities: Densities) -> I8:

@@ -6,7 +6,7 @@ A splat has the coordinates (x, y, m, r, s, n0, n1, n2), where x, y are its posi
     m = (a + b) / sqrt 2            log size
     r = (a - b) / sqrt 2            log aspect
     s = l21 / l22                   shear
-    n = 255 M c sqrt(pi l11 l22)    its colour in opponent axes, times the root of its energy for a colour of length 1
+    n = 255 M c sqrt(pi l11 l22)    its color in opponent axes, times the root of its energy for a color of length 1
 
 The rows of M are orthonormal: (1, 1, 1) / sqrt 3, (1, 0, -1) / sqrt 2 and (1, -2, 1) / sqrt 6. A position changes in
 the splat's own axes (u, v): (dx, dy) = (l11 u, l21 u + l22 v). A change of size or aspect holds l21 / l11, so that s
@@ -24,12 +24,12 @@ normal with the variance 1/2, so that their moments are ::
 
     E w^2 = 1/2,    E w^4 = 3/4,    E w1^2 w2^2 = 1/4,    and those of odd powers are 0.
 
-A change of the colour c, k along it and dc' across, thus gives the Gauss-Newton matrix of a splat, its block of J'J::
+A change of the color c, k along it and dc' across, thus gives the Gauss-Newton matrix of a splat, its block of J'J::
 
     A |c|^2 ((du^2 + dv^2) / 2 + t^2 / 4 + 3/4 (p^2 + q^2) + p q / 2 + k (p + q) + k^2) + A |dc'|^2
 
-Shape and colour are coupled: a larger splat and a brighter one are partly the same. With n, the colour times the root
-of the area, the relative change along the colour is h = k + (p + q) / 2, and the last terms in p, q, k become
+Shape and color are coupled: a larger splat and a brighter one are partly the same. With n, the color times the root
+of the area, the relative change along the color is h = k + (p + q) / 2, and the last terms in p, q, k become
 h^2 + (p^2 + q^2) / 2, where p^2 + q^2 = dm^2 + dr^2. The block is diagonal in (u, v, m, r, s, n), and its inverse is
 one division for each coordinate: what `descent` begins every inverse Hessian with.
 
@@ -50,7 +50,7 @@ PER_ROOT2: Final = 1 / math.sqrt(2.0)
 PER_ROOT6: Final = 1 / math.sqrt(6.0)
 ROOT2: Final = math.sqrt(2.0)
 
-ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 = 1 px and a colour of length 1
+ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 = 1 px and a color of length 1
 LEAST_FACTOR: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
 LEAST_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
 
@@ -141,7 +141,7 @@ def to_parameters(z: F8) -> F4:
 def put_gradient(row: F4, g: F4, out: F8) -> None:
     """The gradient by (u, v, m, r, s, n), into out (8,), from that by the parameters, g (8,), at `row` (8,).
 
-    n holds while the size changes, so that a colour goes as 1 / sqrt(l11 l22): that is the term `by_scale`. l21 / l11
+    n holds while the size changes, so that a color goes as 1 / sqrt(l11 l22): that is the term `by_scale`. l21 / l11
     holds as well, so that l21 goes with l11 = exp(a) and not with l22 = exp(b).
     """
     l11, l21, l22 = np.float64(row[2]), np.float64(row[3]), np.float64(row[4])
@@ -184,17 +184,12 @@ def moved(z: F8, step: F8) -> F8:
     return out
 
 
-@kernel()
 def units(z: F8, D: float) -> F8:
     """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
-    out = np.empty(z.shape)
-    for i in range(len(out)):
-        relative = D / max(math.sqrt(energy(z[i])), LEAST_ENERGY * D)
-        for k in range(4):
-            out[i, k] = ROOT2 * relative
-        out[i, 4] = 2 * relative
-        for k in range(5, 8):
-            out[i, k] = D
+    out = np.full(z.shape, D)
+    relative = D / np.maximum(np.sqrt(energies(z)), LEAST_ENERGY * D)
+    out[:, :4] = (ROOT2 * relative)[:, None]
+    out[:, 4] = 2 * relative
     return out
 
 

@@ -87,30 +87,31 @@ def _moments(values: I8, known: I8, unit: int, unit_bits: int, most_slope: int) 
 def _search(length: Length, start: Density, known: I8, most_slope: int) -> Density:
     """The best density that steps of SEARCH_STEPS find from a first one, as long as they gain."""
     best, least = start, length(start)
+
+    def gain(moves: list[tuple[int, int, int, int]]) -> bool:
+        """Take the moves of centre, scale code, slope and family that shorten the length; whether there is one."""
+        nonlocal best, least
+        before = least
+        for centre, scale, slope, family in moves:
+            trial = Density(best.family ^ family, best.scale_code + scale, best.centre + centre, best.slope + slope)
+            legal = abs(trial.centre) <= MOST_CENTRE and 0 <= trial.scale_code <= MOST_SCALE_CODE
+            if legal and abs(trial.slope) <= most_slope and (bits := length(trial)) < least:
+                best, least = trial, bits
+        return least < before
+
     while least >= NO_CODE and best.scale_code < MOST_SCALE_CODE:  # the window must hold all values
         best = replace(best, scale_code=best.scale_code + 1)
         least = length(best)
     pivot = int(known.sum()) // len(known)  # a slope turns about the mean of what is known
     for step in SEARCH_STEPS:
-        while True:
-            before = least
-            scale_step = min(step, MOST_SCALE_STEP)
-            moves = [(step, 0, 0), (-step, 0, 0), (0, scale_step, 0), (0, -scale_step, 0)]
-            if most_slope:
-                moves += [(-(s * pivot) // 4, 0, s) for s in (step, -step)]
-            for centre, scale_code, slope in moves:
-                trial = Density(best.family, best.scale_code + scale_code, best.centre + centre, best.slope + slope)
-                legal = abs(trial.centre) <= MOST_CENTRE and 0 <= trial.scale_code <= MOST_SCALE_CODE
-                if legal and abs(trial.slope) <= most_slope and (bits := length(trial)) < least:
-                    best, least = trial, bits
-            if step == 1 or least == before:
-                for change in range(-1, 2):
-                    scale_code = min(max(best.scale_code + change, 0), MOST_SCALE_CODE)
-                    trial = replace(best, family=1 - best.family, scale_code=scale_code)
-                    if (bits := length(trial)) < least:
-                        best, least = trial, bits
-            if least == before:
-                break
+        scale = min(step, MOST_SCALE_STEP)
+        moves = [(step, 0, 0, 0), (-step, 0, 0, 0), (0, scale, 0, 0), (0, -scale, 0, 0)]
+        moves += [(-(s * pivot) // 4, 0, s, 0) for s in (step, -step)] if most_slope else []
+        gains = True
+        while gains:
+            gains = gain(moves)
+            if step == 1 or not gains:
+                gains |= gain([(0, change, 0, 1) for change in (-1, 0, 1)])
     return best
 
 

@@ -20,11 +20,11 @@ LEAST_SCALE: Final = 0.02
 RESTART_OCTAVES: Final = 2
 """How many times the first step of a restart is halved, after one that found no smaller error."""
 
-LEAST_CURVATURE: Final = 1e-30  # A pair whose product step . change is not above this says nothing of the curvature
+LEAST_CURVATURE: Final = 1e-30  # a pair whose product step . change is not above this says nothing of the curvature
 MOST_MOVE: Final = 0.7  # longest step of a position, in standard deviations of its splat
 MOST_SHAPE: Final = 0.4  # largest change of size, aspect and shear
-MOST_COLOR: Final = 0.3  # largest change of a colour, of 1
-RISE: Final = 1.01  # A walk goes back to its best point where the error is this many times as large
+MOST_COLOR: Final = 0.3  # largest change of a color, of 1
+RISE: Final = 1.01  # a walk goes back to its best point where the error is this many times as large
 
 
 class Pairs(NamedTuple):
@@ -33,70 +33,6 @@ class Pairs(NamedTuple):
     steps: F8  # (MEMORY, N, 8)
     changes: F8  # (MEMORY, N, 8)
     inverse: F8  # (MEMORY,), 1 / (s . y)
-
-
-class LBFGS:
-    """Limited-memory BFGS with one evaluation a step and no line search.
-
-    The pairs of steps and changes of the gradient are kept in (u, v, m, r, s, n0, n1, n2). The inverse Hessian begins
-    as `scale` times that of the metric, with the scale that fits the last pair. Pairs of no positive curvature are
-    left out. Where the error rises, the next step is halved. The step of each splat is limited.
-
-    `D` bounds the units of faint splats: energies below LEAST_ENERGY D count as that.
-    """
-
-    def __init__(self, count: int, D: float) -> None:
-        self.D = D
-        steps, changes = np.zeros((2, MEMORY, count, 8))
-        self._pairs, self._known, self._last = Pairs(steps, changes, np.zeros(MEMORY)), 0, -1
-        self._scale, self._shrink, self._error = FIRST_SCALE, 1.0, math.inf
-        self._least, self._restarts = math.inf, 0  # the least error, and the restarts since then
-        self._step: F8 | None = None  # (N, 8) f8, the last one made
-        self._gradient = np.zeros((0, 8))
-
-    def append(self, new: int) -> None:
-        """Let `new` splats, or none, follow the others; the next gradient makes no pair."""
-        zeros = np.zeros((MEMORY, new, 8))
-        self._replace(*(np.concatenate([one, zeros], axis=1) for one in self._pairs[:2]))
-
-    def take(self, indices: NDArray[np.int64]) -> None:
-        """Keep the splats of these indices; the next gradient makes no pair."""
-        self._replace(*(one.take(indices, axis=1) for one in self._pairs[:2]))
-
-    def _replace(self, steps: F8, changes: F8) -> None:
-        self._pairs = Pairs(steps, changes, self._pairs.inverse)
-        self._step, self._error, self._least = None, math.inf, math.inf
-
-    def step(self, z: F8, error: float, gradient: F8) -> F8:
-        """The step (N, 8) from coordinates z (N, 8), given the error there and its gradient (N, 8)."""
-        self._learn(z, gradient)
-        if error < self._least:
-            self._least, self._restarts = error, 0
-        self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
-        self._error, self._gradient = error, gradient.copy()
-        self._step = np.empty_like(z)
-        ages = np.arange(self._last, self._last - self._known, -1) % MEMORY  # from the last pair back
-        _direction(z, gradient, self._pairs, ages, self.D, self._scale, self._step)
-        _limit(z, self._shrink, self._step)
-        return self._step
-
-    def restart(self) -> None:
-        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
-        self._known, self._scale, self._step, self._error = 0, RESTART_SCALE, None, math.inf
-        self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
-        self._restarts += 1
-
-    def _learn(self, z: F8, gradient: F8) -> None:
-        """Keep the pair of the last step, if its curvature is positive."""
-        if self._step is None:
-            return
-        at = (self._last + 1) % MEMORY
-        change = gradient - self._gradient
-        product, square = _curvature(z, self._step, change, self.D)
-        if product > LEAST_CURVATURE:
-            self._pairs.steps[at], self._pairs.changes[at], self._pairs.inverse[at] = self._step, change, 1 / product
-            self._last, self._known = at, min(self._known + 1, MEMORY)
-            self._scale = min(max(product / square, LEAST_SCALE), 1.0)
 
 
 class Point(NamedTuple):
@@ -108,11 +44,25 @@ class Point(NamedTuple):
 
 
 class Walk:
-    """L-BFGS over the splats of a picture, which goes back to its best point where the error has risen."""
+    """L-BFGS over the splats of a picture, with one evaluation a step and no line search.
+
+    The pairs of steps and changes of the gradient are kept in (u, v, m, r, s, n0, n1, n2). The inverse Hessian begins
+    as `_scale` times that of the metric, with the scale that fits the last pair. Pairs of no positive curvature are
+    left out. The step of each splat is limited. Where the error rises, the next step is halved; where it has risen
+    much, the walk forgets its pairs and goes back to its best point.
+
+    `D` bounds the units of faint splats: energies below LEAST_ENERGY D count as that.
+    """
 
     def __init__(self, count: int, D: float) -> None:
-        self._descent = LBFGS(count, D)
         self.best: Point | None = None  # that of the least error since the function or the splats changed
+        self._D = D
+        steps, changes = np.zeros((2, MEMORY, count, 8))
+        self._pairs, self._known, self._last = Pairs(steps, changes, np.zeros(MEMORY)), 0, -1
+        self._scale, self._shrink, self._error = FIRST_SCALE, 1.0, math.inf
+        self._least, self._restarts = math.inf, 0  # the least error, and the restarts since then
+        self._step: F8 | None = None  # (N, 8) f8, the last one made
+        self._gradient = np.zeros((0, 8))
 
     def next(self, z: F8, error: float, gradient: F8) -> F8:
         """The coordinates (N, 8) to evaluate after z (N, 8), given the error there and its gradient (N, 8)."""
@@ -120,22 +70,56 @@ class Walk:
             self.best = Point(error, z, gradient)
         elif error > RISE * self.best.error:
             error, z, gradient = self.best
-            self._descent.restart()
-        return moved(z, self._descent.step(z, error, gradient))
+            self._restart()
+        return moved(z, self.learn(z, error, gradient))
 
-    def learn(self, z: F8, error: float, gradient: F8) -> None:
-        """Take the pair that leads to a point, and stay there: the function or the splats are about to change."""
-        self._descent.step(z, error, gradient)
+    def learn(self, z: F8, error: float, gradient: F8) -> F8:
+        """Take the pair that leads to a point, and return the step (N, 8) from there.
+
+        It alone is for a point to stay at, where the function or the splats are about to change.
+        """
+        self._keep_pair(z, gradient)
+        if error < self._least:
+            self._least, self._restarts = error, 0
+        self._shrink = 0.5 * self._shrink if error > self._error else min(1.0, 2 * self._shrink)
+        self._error, self._gradient = error, gradient.copy()
+        self._step = np.empty_like(z)
+        ages = np.arange(self._last, self._last - self._known, -1) % MEMORY  # from the last pair back
+        _direction(z, gradient, self._pairs, ages, self._D, self._scale, self._step)
+        _limit(z, self._shrink, self._step)
+        return self._step
 
     def append(self, new: int) -> None:
-        """Let `new` splats follow, 0 where another function is evaluated from now on."""
-        self._descent.append(new)
-        self.best = None
+        """Let `new` splats follow, 0 where another function is evaluated from now on; the next gradient has no pair."""
+        zeros = np.zeros((MEMORY, new, 8))
+        self._change(*(np.concatenate([one, zeros], axis=1) for one in self._pairs[:2]))
 
     def take(self, indices: NDArray[np.int64]) -> None:
-        """Go on with the splats of these indices alone."""
-        self._descent.take(indices)
-        self.best = None
+        """Go on with the splats of these indices alone; the next gradient has no pair."""
+        self._change(*(one.take(indices, axis=1) for one in self._pairs[:2]))
+
+    def _change(self, steps: F8, changes: F8) -> None:
+        """Go on with other splats, or with another function: errors so far say nothing of it."""
+        self._pairs = self._pairs._replace(steps=steps, changes=changes)
+        self.best, self._step, self._error, self._least = None, None, math.inf, math.inf
+
+    def _restart(self) -> None:
+        """Forget all pairs, and begin again with a short step, a quarter as long as that of a restart in vain."""
+        self._known, self._scale, self._step, self._error = 0, RESTART_SCALE, None, math.inf
+        self._shrink = math.ldexp(1.0, -RESTART_OCTAVES * self._restarts)
+        self._restarts += 1
+
+    def _keep_pair(self, z: F8, gradient: F8) -> None:
+        """Keep the pair of the last step, if its curvature is positive."""
+        if self._step is None:
+            return
+        at = (self._last + 1) % MEMORY
+        change = gradient - self._gradient
+        product, square = _curvature(z, self._step, change, self._D)
+        if product > LEAST_CURVATURE:
+            self._pairs.steps[at], self._pairs.changes[at], self._pairs.inverse[at] = self._step, change, 1 / product
+            self._last, self._known = at, min(self._known + 1, MEMORY)
+            self._scale = min(max(product / square, LEAST_SCALE), 1.0)
 
 
 @kernel(inline=True)
@@ -196,7 +180,7 @@ def _direction(z: F8, gradient: F8, pairs: Pairs, ages: I8, D: float, scale: flo
 
 @kernel()
 def _limit(z: F8, shrink: float, step: F8) -> None:
-    """Turn the direction around, and limit the step of each splat: geometry and colour each keep their direction."""
+    """Turn the direction around, and limit the step of each splat: geometry and color each keep their direction."""
     for i in range(len(step)):
         for k in range(8):
             step[i, k] *= -shrink

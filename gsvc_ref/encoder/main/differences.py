@@ -27,9 +27,11 @@ from gsvc_ref.main.state import A_LEAST, A_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS
 
 LEAST_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
 MOST_LOG: Final = A_MOST / PER_NEPER
+MOMENTUM: Final = 0.95  # of proximal descent
+SPARSITY: Final = 0.4  # weight of the L1 term
 MOST_STEP: Final = 1.5  # longest gradient step of a component of q in proximal descent
 MOST_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnitudes
-NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than so many of both deviations
+NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than this many of both deviations
 NEAR_SQUARE: Final = 18.0  # and where the squared distance, in units of both covariances, is below this: e^-9
 
 GX, GS, GY, LOG_SIZE, SHEAR = range(5)
@@ -54,25 +56,12 @@ class Iterate(NamedTuple):
     length: F8  # (N,), step lengths
 
 
-class Prices(NamedTuple):
-    """The momentum, the weight of the L1 term, and what a group of differences costs in 2 D^2."""
-
-    momentum: float
-    sparsity: float
-    group: float
-
-
+@kernel()
 def anchors_of(state: I8, motion: I8, step: int, pixels: int) -> Anchors:
     """The anchors of splats (N, 8) i8 that move by `motion` (N, 2) i8 in 1/256 px; `step` is D in 1/16."""
     z, steps, D = np.empty(state.shape), np.empty((len(state), 5)), step / 16
-    _find_anchors(state, motion, step, z, steps)
-    return Anchors(z, steps, D, pixels * 255.0 * 255.0 / (2 * D * D))
-
-
-@kernel()
-def _find_anchors(state: I8, motion: I8, step: int, z: F8, steps: F8) -> None:
     for i in range(len(state)):
-        j, g_y = class_of(state[i, 5:], step), 0
+        j = class_of(state[i, 5:], step)
         put_coordinates(state[i], z[i])
         for axis in range(2):
             z[i, axis] += motion[i, axis] / 256
@@ -81,6 +70,7 @@ def _find_anchors(state: I8, motion: I8, step: int, z: F8, steps: F8) -> None:
         steps[i, GS] = sheared_step(state[i, 4], g_y) / 256
         steps[i, LOG_SIZE] = SIZE_STEPS[j] * (ROOT2 / PER_NEPER)  # of m and r: of ln l11 and ln l22 times sqrt 2
         steps[i, SHEAR] = SHEAR_STEPS[j] / 1024
+    return Anchors(z, steps, D, pixels * 255.0 * 255.0 / (2 * D * D))
 
 
 @kernel(inline=True)
@@ -119,19 +109,20 @@ def put_slope(anchors: Anchors, i: int, q: F8, row: F4, g: F4, out: F8) -> None:
 
 
 @kernel()
-def proximal_step(anchors: Anchors, at: Iterate, g: F4, prices: Prices) -> None:
+def proximal_step(anchors: Anchors, at: Iterate, g: F4, price: float) -> None:
     """One step of accelerated proximal descent, in place: q, the point y where the gradient is taken, its parameters.
 
     From y goes a gradient step of `length`, at most MOST_STEP in each component. Then each component moves towards 0 by
-    length * sparsity (L1), and a group whose squared length is below 2 * length * price becomes 0 (L0). The next y is
-    q + momentum (q - q before), or q where a splat's step goes against its last one.
+    length * SPARSITY (L1), and a group whose squared length is below 2 * length * price becomes 0 (L0). The price of a
+    group that has any difference is in 2 D^2. The next y is q + MOMENTUM (q - q before), or q where a splat's step goes
+    against its last one.
     """
     q, y, parameters, length = at
     step, z = np.empty(8), np.empty(8)
     for i in range(len(q)):
         put_slope(anchors, i, y[i], parameters[i], g[i], step)
         eta = length[i]
-        shrink = eta * prices.sparsity
+        shrink = eta * SPARSITY
         for group in range(3):
             square = 0.0
             for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
@@ -139,13 +130,13 @@ def proximal_step(anchors: Anchors, at: Iterate, g: F4, prices: Prices) -> None:
                 value = value - shrink if value > shrink else (value + shrink if value < -shrink else 0.0)
                 step[k] = value
                 square += value * value
-            if square < 2 * eta * prices.group:
+            if square < 2 * eta * price:
                 for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
                     step[k] = 0.0
         against = 0.0
         for k in range(8):
             against += (y[i, k] - step[k]) * (step[k] - q[i, k])
-        momentum = 0.0 if against > 0 else prices.momentum
+        momentum = 0.0 if against > 0 else MOMENTUM
         changed = False
         for k in range(8):
             ahead = step[k] + momentum * (step[k] - q[i, k])
@@ -156,25 +147,11 @@ def proximal_step(anchors: Anchors, at: Iterate, g: F4, prices: Prices) -> None:
             put_value(anchors, i, y[i], z, parameters[i])
 
 
-@kernel()
-def idle(anchors: Anchors, at: Iterate, g: F4, prices: Prices) -> NDArray[np.bool_]:
-    """Which splats (N,) have no difference, and would have none after a `proximal_step` at these prices."""
-    q, y, parameters, length = at
-    out, step = np.empty(len(q), np.bool_), np.empty(8)
-    for i in range(len(q)):
-        out[i] = True
-        for k in range(8):
-            out[i] &= q[i, k] == 0 and y[i, k] == 0
-        if not out[i]:
-            continue
-        put_slope(anchors, i, y[i], parameters[i], g[i], step)
-        for group in range(3):
-            square = 0.0
-            for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
-                value = length[i] * max(abs(step[k]) - prices.sparsity, 0.0)
-                square += value * value
-            out[i] &= square < 2 * length[i] * prices.group
-    return out
+def idle(anchors: Anchors, at: Iterate, g: F4, price: float) -> NDArray[np.bool_]:
+    """Which splats (N,) have no difference, and would have none after a `proximal_step` at this price."""
+    after = Iterate(at.q.copy(), at.y.copy(), at.parameters.copy(), at.length)
+    proximal_step(anchors, after, g, price)
+    return np.asarray(~(at.q.any(axis=1) | at.y.any(axis=1) | after.q.any(axis=1)))
 
 
 @kernel()

@@ -29,7 +29,7 @@ splats came to 39.7 dB, and with this limit to 51.3.
 
 
 def edge_splats(tensor: F8, missing: F4, count: int, total: int, rng: Generator) -> F4:
-    """Splats (count, 8) f4, drawn in proportion to the cube of what is missing, coloured with half of it.
+    """Splats (count, 8) f4, drawn in proportion to the cube of what is missing, colored with half of it.
 
     `missing` (H, W, 3) f4 is the target minus the picture so far, and `tensor` the target's `structure_tensor`. The
     number of splats in `total` makes the size of the new ones.

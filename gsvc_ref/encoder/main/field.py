@@ -1,4 +1,4 @@
-"""The motion field of a P-frame: vectors in quarter pixels at the centres of square cells, bilinear between them.
+"""The motion field of a P-frame: vectors in quarter pixels at the centers of square cells, bilinear between them.
 
 Splats move by the field read at their reference positions. The field of large cells begins with the optical flow, that
 of smaller ones with the one before; each is then brought to a smaller error by Gauss-Newton steps. The gradient b is
@@ -9,7 +9,7 @@ what moves::
 
 with the bilinear weights w of cells c and d and the gradient of the moved splats' picture R. A step solves
 (H + damping) step = -b by Gauss-Seidel sweeps. Then every vector takes of its candidates - what it is, the next
-integers, its neighbours' vectors, none, that of the frame before - the one with the least
+integers, its neighbors' vectors, none, that of the frame before - the one with the least
 
     squared error + price * bits
 
@@ -32,7 +32,7 @@ from gsvc_ref.main.motion import field_shape
 from gsvc_ref.rendering import SampledObjective
 
 UNITS: Final = 4  # vectors are in units of 1/4 px
-LONGEST_VECTOR: Final = 4096  # longest component of a vector that is looked at, in units
+LONGEST_VECTOR: Final = 2047  # longest component of a vector in units, so that every difference of two has a class
 
 PAIRS: Final = ((0, 0), (0, 1), (1, -1), (1, 0), (1, 1))
 """The neighbors (down, right) of a cell of which H is kept; the others follow by symmetry."""
@@ -42,7 +42,7 @@ NEXT: Final = ((0, 1), (0, -1), (1, 0), (-1, 0))  # what lies next to a cell (do
 PAIRS_OF_CORNERS: Final = ((0, 1, 3, 4), (1, 0, 2, 3), (3, 2, 0, 1), (4, 3, 1, 0))
 """By which of PAIRS two of four cells lie to each other that stand around a point, row by row."""
 
-FLOW_SPACING: Final = 8  # the optical flow is read every so many pixels
+FLOW_SPACING: Final = 8  # distance in pixels of the points where the optical flow is read
 LONGEST_STEP: Final = 8.0  # longest Gauss-Newton step of a component, in units
 
 FIRST_DAMPING: Final = 0.3
@@ -54,7 +54,7 @@ LEAST_DAMPING: Final = 1.0  # what is added to the diagonal of H in any case
 LITTLE: Final = 0.005  # no further step follows one that takes less than this share off the squared error
 SWEEPS: Final = 12  # Gauss-Seidel sweeps of a step
 CHOICE_SWEEPS: Final = 4  # how often every vector is looked at when vectors are chosen
-
+BIT_PRICE: Final = 1.2  # squared error that a bit of the field is worth, in D^2
 
 VECTOR_BITS: Final[F8] = np.asarray(0.7 + 2 * log2(1.0 + np.arange(2 * LONGEST_VECTOR + 2)), np.float64)
 """About how many bits a component costs, by the magnitude of its difference to its neighbor; fitted to streams."""
@@ -68,18 +68,10 @@ class Field(NamedTuple):
     error: float
 
 
-def flow_at_points(before: F4, after: F4) -> tuple[F8, F8]:
-    """Points of the picture, (P, 2) f8, and the optical flow there, (P, 2) f8 in pixels."""
-    height, width = before.shape[:2]
-    y, x = np.mgrid[FLOW_SPACING // 2 : height : FLOW_SPACING, FLOW_SPACING // 2 : width : FLOW_SPACING]
-    points = np.stack([x.ravel(), y.ravel()], axis=1).astype(np.float32)
-    return points.astype(np.float64), estimated_motion(before, after, points).astype(np.float64)
-
-
 def best_field(
     objective: SampledObjective,
     reference: F4,
-    flow: tuple[F8, F8],
+    pictures: tuple[F4, F4],
     previous: Field | None,
     settings: InterSettings,
     D: float,
@@ -89,27 +81,23 @@ def best_field(
     Fields of different cells are compared by the logarithm of the error: later steps take back most of a large error
     for few bits. Where smaller cells are worth no more than those before, still smaller ones are not tried.
 
-    `reference` (N, 8) f4 are the splats before they move, `flow` is by `flow_at_points`, and `previous` the field of
-    the frame before.
+    `reference` (N, 8) f4 are the splats before they move, `pictures` (H, W, 3) f4 the frame before and the new one, and
+    `previous` is the field of the frame before.
     """
-    price = settings.motion_price * D * D
-    search = _Search(objective, reference, price)
+    search = _Search(objective, reference, BIT_PRICE * D * D)
     worth = settings.cell_gain * len(reference)
-    best = Field(0, np.zeros((1, 1, 2), np.int64), search.error_of_none)
+    best = Field(0, np.zeros((0, 0, 2), np.int64), search.error_of_none)
     least, coarser = worth * float(log2(max(best.error, 1.0))), math.inf
-    fine: tuple[int, F8] | None = None
+    vectors, coarse_cell = np.zeros((0, 0, 2)), 0
     for cell in settings.cells:
         rows, columns = field_shape(objective.width, objective.height, cell)
-        if fine is None:
-            vectors = cell_means(*flow, cell, rows, columns)
+        if coarse_cell:
+            centers = cell * (np.mgrid[:columns, :rows].T.reshape(-1, 2) + 0.5)  # (x, y), row by row
+            vectors = read_field(vectors, coarse_cell, centers).reshape(rows, columns, 2)
         else:
-            vectors = np.zeros((rows, columns, 2))
-            read_coarse_field(fine[1], fine[0], cell, vectors)
-        vectors = search.descend(cell, vectors, settings.motion_steps)
-        fine = cell, vectors
-        former = np.zeros(vectors.shape, np.int64)
-        if previous is not None and previous.cell == cell:
-            former = previous.vectors
+            vectors = mean_flow(*pictures, cell, rows, columns)
+        vectors, coarse_cell = search.descend(cell, vectors, settings.motion_steps), cell
+        former = previous.vectors if previous and previous.cell == cell else np.zeros(vectors.shape, np.int64)
         found = search.choose(cell, vectors, former, settings.motion_rounds)
         bits = worth * float(log2(max(found.error, 1.0))) + bits_of_field(found.vectors, VECTOR_BITS)
         if bits < least:
@@ -131,29 +119,23 @@ class Model(NamedTuple):
     damping: F8
 
 
+class _Point(NamedTuple):
+    """A field (gy, gx, 2), its squared error, and the gradient by the vectors."""
+
+    vectors: F8
+    error: float
+    gradient: F8
+
+
 class _Search:
     """The error of fields, and steps towards smaller ones."""
 
     def __init__(self, objective: SampledObjective, reference: F4, price: float) -> None:
         self.objective, self.price = objective, price
-        self.reference = np.ascontiguousarray(reference)
-        self.moved = self.reference.copy()  # (N, 8) f4
+        self.reference, self.points = reference, reference[:, :2].astype(np.float64)  # (N, 8) f4, (N, 2)
+        self.curvature = curvatures(reference)
         self.scale = objective.height * objective.width * SQUARE_OF_8_BITS
-        self.error_of_none = objective.evaluate(self.reference)[0] * self.scale
-
-    def evaluate(self, vectors: F8, cell: int) -> tuple[float, F8]:
-        """The squared error of a field and its gradient by the vectors, (gy, gx, 2)."""
-        move_by_field(self.reference, vectors, cell, self.moved)
-        loss, gradient = self.objective.evaluate(self.moved, drawn=True)
-        by_vector = np.zeros(vectors.shape)
-        gather_by_vectors(self.reference, gradient, cell, self.scale / UNITS, by_vector)
-        return loss * self.scale, by_vector
-
-    def matrix(self, vectors: F8, cell: int) -> F8:
-        """H of the picture drawn last; `quarter` has one in four of its pixels."""
-        out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
-        sum_products(self.objective.quarter(), vectors, cell, 2 * SQUARE_OF_8_BITS * 4 / (UNITS * UNITS), out)
-        return out
+        self.error_of_none = objective.evaluate(reference)[0] * self.scale
 
     def descend(self, cell: int, start: F8, steps: int) -> F8:
         """The vectors after some Gauss-Newton steps from a field, or from none if that is better."""
@@ -163,11 +145,10 @@ class _Search:
             solve(model._replace(damping=model.damping + LEAST_DAMPING), step)
             return np.clip(vectors + step, -LONGEST_VECTOR, LONGEST_VECTOR)
 
-        first = self.evaluate(start, cell)
-        if first[0] > self.error_of_none:
-            start = np.zeros(start.shape)
-            first = self.evaluate(start, cell)
-        return self._improved(cell, start, first, steps, stepped)[0]
+        at = self._evaluate(cell, start)
+        if at.error > self.error_of_none:
+            at = self._evaluate(cell, np.zeros(start.shape))
+        return self._improved(cell, at, steps, stepped, 0.0).vectors
 
     def choose(self, cell: int, vectors: F8, former: I8, rounds: int) -> Field:
         """Whole vectors near those given, chosen by error and bits."""
@@ -177,128 +158,110 @@ class _Search:
             choose_vectors(model, former, self.price, VECTOR_BITS, field)
             return field.astype(np.float64)
 
-        def cost(vectors: F8) -> float:
-            return self.price * bits_of_field(vectors.astype(np.int64), VECTOR_BITS)
+        whole = self._evaluate(cell, np.floor(vectors + 0.5))
+        found = self._improved(cell, whole, rounds, chosen, self.price)
+        return Field(cell, found.vectors.astype(np.int64), found.error)
 
-        whole = np.floor(vectors + 0.5)
-        vectors, error = self._improved(cell, whole, self.evaluate(whole, cell), rounds, chosen, cost)
-        return Field(cell, vectors.astype(np.int64), error)
+    def _evaluate(self, cell: int, vectors: F8) -> _Point:
+        moved = self.reference.copy()
+        moved[:, :2] = self.points + read_field(vectors, cell, self.points) / UNITS
+        loss, gradient = self.objective.evaluate(moved, drawn=True)
+        by_position = (self.scale / UNITS) * gradient[:, :2].astype(np.float64)
+        return _Point(vectors, loss * self.scale, spread(by_position, cell, self.points, vectors.shape))
 
-    def _improved(
-        self,
-        cell: int,
-        vectors: F8,
-        evaluated: tuple[float, F8],
-        rounds: int,
-        propose: Callable[[Model, F8], F8],
-        cost: Callable[[F8], float] = lambda vectors: 0.0,
-    ) -> tuple[F8, float]:
-        """The vectors after damped steps that a model proposes, those that lower error plus cost, and the error."""
-        error, gradient = evaluated
-        stiff, damping = np.zeros(vectors.shape), FIRST_DAMPING
-        stiffness(self.reference, cell, SQUARE_OF_8_BITS * math.pi / (UNITS * UNITS), stiff)
-        matrix = self.matrix(vectors, cell)
+    def _matrix(self, cell: int, vectors: F8) -> F8:
+        """H of the picture drawn last; `quarter` has one in four of its pixels."""
+        out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
+        sum_products(self.objective.quarter(), vectors, cell, 2 * SQUARE_OF_8_BITS * 4 / (UNITS * UNITS), out)
+        return out
+
+    def _improved(self, cell: int, at: _Point, rounds: int, propose: Callable[[Model, F8], F8], price: float) -> _Point:
+        """The field after damped steps that a model proposes, those that lower the error plus price times bits."""
+
+        def cost(point: _Point) -> float:
+            return point.error + price * bits_of_field(point.vectors.astype(np.int64), VECTOR_BITS)
+
+        stiffness, damping = spread(self.curvature, cell, self.points, at.vectors.shape), FIRST_DAMPING
+        matrix = self._matrix(cell, at.vectors)
         for _ in range(rounds):
-            trial = propose(Model(matrix, gradient, damping * stiff), vectors)
-            if (trial == vectors).all():
+            vectors = propose(Model(matrix, at.gradient, damping * stiffness), at.vectors)
+            if (vectors == at.vectors).all():
                 break
-            new_error, new_gradient = self.evaluate(trial, cell)
-            before, after = error + cost(vectors), new_error + cost(trial)
+            trial = self._evaluate(cell, vectors)
+            before, after = cost(at), cost(trial)
             if after < before:
-                vectors, error, gradient, damping = trial, new_error, new_gradient, damping / LESS_DAMPING
+                at, damping = trial, damping / LESS_DAMPING
                 if after > (1 - LITTLE) * before:
                     break
-                matrix = self.matrix(vectors, cell)
+                matrix = self._matrix(cell, vectors)
             else:
                 damping *= MORE_DAMPING
-        return vectors, error
+        return at
 
 
 @kernel(inline=True)
 def place(x: float, y: float, cell: int, rows: int, columns: int) -> tuple[int, int, float, float]:
     """The cell above and left of a point, and how far it is from there to the next, 0 to 1."""
-    u = min(max(x / cell - 0.5, 0.0), columns - 1.0)
+    u = min(max(x / cell - 0.5, 0.0), columns - 1.0)  # in cells, from the center of the first one on
     v = min(max(y / cell - 0.5, 0.0), rows - 1.0)
-    i, j = min(int(u), max(columns - 2, 0)), min(int(v), max(rows - 2, 0))
+    i, j = min(int(u), max(columns - 2, 0)), min(int(v), max(rows - 2, 0))  # with a cell to the right and below
     return i, j, u - i, v - j
 
 
-def cell_means(points: F8, motion: F8, cell: int, rows: int, columns: int) -> F8:
-    """Means of the motion (P, 2) in pixels of points (P, 2) over cells, (rows, columns, 2) in units."""
-    x, y = (points.astype(np.int64) // cell).T
-    at = np.minimum(y, rows - 1), np.minimum(x, columns - 1)
+def mean_flow(before: F4, after: F4, cell: int, rows: int, columns: int) -> F8:
+    """Means of the optical flow from a picture (H, W, 3) to the next over cells, (rows, columns, 2) in units."""
+    height, width = before.shape[:2]
+    grid = np.mgrid[FLOW_SPACING // 2 : height : FLOW_SPACING, FLOW_SPACING // 2 : width : FLOW_SPACING]
+    y, x = grid.reshape(2, -1)
+    motion = estimated_motion(before, after, np.stack([x, y], axis=1).astype(np.float32))
+    at = np.minimum(y // cell, rows - 1), np.minimum(x // cell, columns - 1)
     sums, counts = np.zeros((rows, columns, 2)), np.zeros((rows, columns, 1))
-    np.add.at(sums, at, motion)
+    np.add.at(sums, at, motion.astype(np.float64))
     np.add.at(counts, at, 1.0)
     return np.clip(UNITS * sums / np.maximum(counts, 1.0), -LONGEST_VECTOR, LONGEST_VECTOR)
 
 
-@kernel(inline=True)
-def read_vector(vectors: F8, x: float, y: float, cell: int, k: int) -> float:
-    """Component k of the field (gy, gx, 2) at a point, bilinear between the centers of cells."""
+@kernel()
+def read_field(vectors: F8, cell: int, points: F8) -> F8:
+    """The field (gy, gx, 2) at points (P, 2) in pixels, bilinear between the centers of cells: (P, 2)."""
     rows, columns = vectors.shape[:2]
-    i, j, s, t = place(x, y, cell, rows, columns)
-    i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
-    above = (1 - s) * vectors[j, i, k] + s * vectors[j, i1, k]
-    below = (1 - s) * vectors[j1, i, k] + s * vectors[j1, i1, k]
-    return float((1 - t) * above + t * below)
-
-
-@kernel(inline=True)
-def spread(value: float, x: float, y: float, cell: int, k: int, out: F8) -> None:
-    """Add a value at a point to component k of the vectors around it, by their weights: the transpose of reading."""
-    rows, columns = out.shape[:2]
-    i, j, s, t = place(x, y, cell, rows, columns)
-    i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
-    out[j, i, k] += (1 - s) * (1 - t) * value
-    out[j, i1, k] += s * (1 - t) * value
-    out[j1, i, k] += (1 - s) * t * value
-    out[j1, i1, k] += s * t * value
-
-
-@kernel()
-def read_coarse_field(coarse: F8, coarse_cell: int, cell: int, out: F8) -> None:
-    """The coarse field read at the centers of smaller cells."""
-    for row in range(out.shape[0]):
-        for column in range(out.shape[1]):
-            for k in range(2):
-                out[row, column, k] = read_vector(coarse, (column + 0.5) * cell, (row + 0.5) * cell, coarse_cell, k)
-
-
-@kernel()
-def move_by_field(reference: F4, vectors: F8, cell: int, out: F4) -> None:
-    """The positions of splats moved by the field, into the first columns of out (N, 8)."""
-    for n in range(len(reference)):
-        x, y = np.float64(reference[n, 0]), np.float64(reference[n, 1])
+    out = np.empty(points.shape)
+    for n in range(len(points)):
+        i, j, s, t = place(points[n, 0], points[n, 1], cell, rows, columns)
+        i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
         for k in range(2):
-            out[n, k] = np.float64(reference[n, k]) + read_vector(vectors, x, y, cell, k) / UNITS
+            above = (1 - s) * vectors[j, i, k] + s * vectors[j, i1, k]
+            below = (1 - s) * vectors[j1, i, k] + s * vectors[j1, i1, k]
+            out[n, k] = (1 - t) * above + t * below
+    return out
 
 
 @kernel()
-def gather_by_vectors(reference: F4, gradient: F4, cell: int, scale: float, out: F8) -> None:
-    """The gradient by the vectors, from that by positions."""
-    for n in range(len(reference)):
-        x, y = np.float64(reference[n, 0]), np.float64(reference[n, 1])
+def spread(values: F8, cell: int, points: F8, shape: tuple[int, int, int]) -> F8:
+    """The transpose of `read_field`: values (P, 2) at points added to the vectors around them by their weights."""
+    rows, columns = shape[:2]
+    out = np.zeros(shape)
+    for n in range(len(points)):
+        i, j, s, t = place(points[n, 0], points[n, 1], cell, rows, columns)
+        i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
         for k in range(2):
-            spread(scale * np.float64(gradient[n, k]), x, y, cell, k, out)
+            out[j, i, k] += (1 - s) * (1 - t) * values[n, k]
+            out[j, i1, k] += s * (1 - t) * values[n, k]
+            out[j1, i, k] += (1 - s) * t * values[n, k]
+            out[j1, i1, k] += s * t * values[n, k]
+    return out
 
 
-@kernel()
-def stiffness(reference: F4, cell: int, scale: float, out: F8) -> None:
-    """The curvature by the vectors if every splat moved alone, added to out (gy, gx, 2).
+def curvatures(reference: F4) -> F8:
+    """The second derivatives (N, 2) of the squared error by each position (x, y) in units, if its splat moves alone.
 
-    scale times |c|^2 l11 l22 is a splat's energy E^2 in units of the field, and a motion of one deviation along an axis
-    costs E^2 / 2 (metric): a motion (dx, dy) is u = dx / l11 and v = (dy - l21 u) / l22.
+    E^2 is 255^2 pi |c|^2 l11 l22, and a motion of one deviation along an axis costs E^2 / 2 (metric). A motion (dx, dy)
+    is u = dx / l11 and v = (dy - l21 u) / l22, so that dx alone has the squares 1 / l11^2 and (l21 / l22)^2 / l11^2.
     """
-    for n in range(len(reference)):
-        x, y = np.float64(reference[n, 0]), np.float64(reference[n, 1])
-        l11, l21 = np.float64(reference[n, 2]), np.float64(reference[n, 3])
-        l22 = np.float64(reference[n, 4])
-        r, g, b = np.float64(reference[n, 5]), np.float64(reference[n, 6]), np.float64(reference[n, 7])
-        e2 = scale * ((r * r + g * g) + b * b) * (l11 * l22)
-        shear = l21 / l22
-        spread(e2 * (1 + shear * shear) / (l11 * l11), x, y, cell, 0, out)
-        spread(e2 / (l22 * l22), x, y, cell, 1, out)
+    _, _, l11, l21, l22, r, g, b = reference.astype(np.float64).T
+    e2 = SQUARE_OF_8_BITS * math.pi / (UNITS * UNITS) * ((r * r + g * g) + b * b) * (l11 * l22)
+    shear = l21 / l22
+    return np.stack([e2 * (1 + shear * shear) / (l11 * l11), e2 / (l22 * l22)], axis=1)
 
 
 @kernel()
@@ -321,8 +284,9 @@ def sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> 
                 xx += dx * dx
                 xy += dx * dy
                 yy += dy * dy
+            # The weights are those at the place before the motion, which the vector of a cell beside it leads to.
             i, j, s, t = place(x + 0.5, y + 0.5, cell, rows, columns)
-            u = x + 0.5 - vectors[j, i, 0] / UNITS  # where this came from, nearly
+            u = x + 0.5 - vectors[j, i, 0] / UNITS
             v = y + 0.5 - vectors[j, i, 1] / UNITS
             i, j, s, t = place(u, v, cell, rows, columns)
             weights[0], weights[1], weights[2], weights[3] = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
@@ -333,9 +297,9 @@ def sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> 
                 column = i if a % 2 == 0 else i1
                 for b in range(a, 4):
                     w = weights[a] * weights[b]
-                    if w == 0:
+                    if w == 0:  # also where a field has one row or column, and the cell beside is none
                         continue
-                    pair = PAIRS_OF_CORNERS[a][b]
+                    pair = PAIRS_OF_CORNERS[a][b]  # (1, -1), of corners 1 and 2, is kept at the upper right cell
                     out[row, column, pair, 0] += w * xx
                     out[row, column, pair, 1] += w * xy
                     out[row, column, pair, 2] += w * yy
@@ -343,7 +307,7 @@ def sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> 
 
 @kernel(inline=True)
 def coupling(matrix: F8, step: F8, row: int, column: int) -> tuple[float, float]:
-    """The sum of H times the step over the neighbours of a cell."""
+    """The sum of H times the step over the neighbors of a cell."""
     rows, columns = step.shape[:2]
     p, q = 0.0, 0.0
     for pair in range(1, len(PAIRS)):
@@ -353,7 +317,7 @@ def coupling(matrix: F8, step: F8, row: int, column: int) -> tuple[float, float]
             c = column + right if side == 0 else column - right
             if 0 <= r < rows and 0 <= c < columns:
                 x, y = step[r, c, 0], step[r, c, 1]
-                m, k = (row, column) if side == 0 else (r, c)
+                m, k = (row, column) if side == 0 else (r, c)  # the cell that H keeps the pair at
                 xx, xy, yy = matrix[m, k, pair, 0], matrix[m, k, pair, 1], matrix[m, k, pair, 2]
                 p += xx * x + xy * y
                 q += xy * x + yy * y
@@ -368,7 +332,7 @@ def solve(model: Model, step: F8) -> None:
     for _ in range(SWEEPS):
         for row in range(rows):
             for column in range(columns):
-                p, q = coupling(matrix, step, row, column)
+                p, q = coupling(matrix, step, row, column)  # with the steps of this sweep where there are some
                 p, q = -gradient[row, column, 0] - p, -gradient[row, column, 1] - q
                 xx, xy = matrix[row, column, 0, 0] + damping[row, column, 0], matrix[row, column, 0, 1]
                 yy = matrix[row, column, 0, 2] + damping[row, column, 1]
@@ -443,6 +407,7 @@ def choose_vectors(model: Model, former: I8, price: float, bits: F8, field: I8) 
                 xx, xy = matrix[row, column, 0, 0] + damping[row, column, 0], matrix[row, column, 0, 1]
                 yy = matrix[row, column, 0, 2] + damping[row, column, 1]
                 best, best_k = np.inf, 0
+                # The error to second order in (dx, dy), the others of `step` being given, and the bits around it.
                 for k in range(count):
                     if max(abs(tried[k, 0]), abs(tried[k, 1])) > LONGEST_VECTOR:
                         continue

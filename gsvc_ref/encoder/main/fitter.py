@@ -17,6 +17,7 @@ from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.training.settings import Growth
 
+GROWTH: Final = Growth(end=0.45)  # splats are added early, so that the last ones find their places too
 FIT_D: Final = 16.0  # D of the metric while only the error counts: it bounds the steps of the faintest splats
 LEAST_SIZE: Final = 0.27  # smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centers
 MOST_SIZE: Final = 400.0  # largest l11 and l22 in pixels
@@ -29,24 +30,13 @@ Penalty = Callable[[F8, F8], float]
 """A term beside the error, of coordinates (N, 8); its gradient is added to another (N, 8)."""
 
 
-def fit(target: Target, total: int, rng: Generator, evaluations: int, growth: Growth) -> F8:
-    """Coordinates (N, 8) of splats that are close to a picture, without rounding and at any number of bits.
+def fit(target: Target, total: int, rng: Generator, evaluations: int) -> F8:
+    """Coordinates (N, 8) of `total` splats close to a picture, without rounding and at any number of bits.
 
-    Parameters
-    ----------
-    target
-        The picture.
-    total
-        How many splats there are in the end.
-    rng
-        Draws their places.
-    evaluations
-        Evaluations of all splats, beside one for each addition.
-    growth
-        When splats are added.
+    `rng` draws their places. The evaluations are those of all splats, beside one for each addition.
     """
-    z = target.start(growth.start(total), rng)
-    plan = growth.counts(total, evaluations)
+    z = target.start(GROWTH.start(total), rng)
+    plan = GROWTH.counts(total, evaluations)
     walk = Walk(len(z), FIT_D)
     for i in range(evaluations):
         if target.resize(len(z) if i <= max(plan, default=0) else None):

@@ -2,20 +2,18 @@
 
 What is asked for decides N and D, the splats and the step of a frame:
 
-- Without a quality, an I-frame has N splats, and `quantizer_for` says which D goes with them.
+- At constant rate, an I-frame has N splats, and `quantizer_for` says which D goes with them.
 - With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
 
-In the first two P-frames have the D of their I-frame; without a quality it becomes finer where P-frames sink
-(`held_level`).
+In the first two P-frames have the D of their I-frame; at constant rate it becomes finer where P-frames sink (`drift`).
 """
 
 import math
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Final
 
 import numpy as np
@@ -24,8 +22,8 @@ from gsvc_base.arrays import F4, Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
+from gsvc_ref.encoder.drift import Drift
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_again
-from gsvc_ref.encoder.held_level import HeldLevel
 from gsvc_ref.encoder.held_quality import (
     DB_PER_STEP,
     ENOUGH,
@@ -37,8 +35,9 @@ from gsvc_ref.encoder.held_quality import (
 )
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
 from gsvc_ref.encoder.main.densities import choose_densities
-from gsvc_ref.encoder.main.inter import InterEncoder, PFrame
-from gsvc_ref.encoder.main.intra import encode_intra, splats_for
+from gsvc_ref.encoder.main.field import Field
+from gsvc_ref.encoder.main.inter import PFrame, encode_inter
+from gsvc_ref.encoder.main.intra import encode_intra, intra_evaluations, splats_for
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import MAX_SPLATS, MainSettings
@@ -52,35 +51,32 @@ from gsvc_ref.paper import FrameType
 from gsvc_ref.rendering import Renderer
 from gsvc_ref.training import psnr_of_loss
 
-P_TRIES: Final = 8  # constant quality: the most values of D that are tried for a P-frame
-
-FALLEN_DB: Final = (
-    1.0  # a P-frame with so much less than its I-frame is worked on again where the source stays the same
-)
-PASS_GAIN: Final = 0.3  # in dB, and as long as each pass gains so much
-MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
 D_TRIES: Final = 3  # constant quality: the most values of D that are tried for an I-frame after the numbers of splats
+P_TRIES: Final = 8  # the most that are tried for a P-frame
+MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
+
+FALLEN_DB: Final = 1.0
+PASS_GAIN: Final = 0.3
+"""Where the source stays the same, a P-frame that is the first number of dB below its I-frame is worked on again, as
+long as each pass gains the second."""
 
 
 @dataclass(frozen=True)
 class _Coded:
-    """A frame in codes, what a decoder makes of it, its PSNR of at most MOST_PSNR, and the bits of its body.
-
-    `inter` is the encoder of P-frames after this one.
-    """
+    """A frame in codes, with what a decoder makes of it."""
 
     codes: MainCodes
     state: MainState
-    psnr: float
-    inter: InterEncoder
-    bits: int
+    psnr: float  # in dB, at most MOST_PSNR
+    bits: int  # of its body
+    field: Field | None  # of a P-frame
 
 
 class MainFrameEncoder:
-    """Encodes frames in order; `holds_level` says whether D may become finer where P-frames sink, at constant rate."""
+    """Encodes frames in order; `corrects_drift` lets D become finer where P-frames sink, at constant rate."""
 
     def __init__(
-        self, settings: MainSettings, width: int, height: int, bit_depth: int, *, holds_level: bool = True
+        self, settings: MainSettings, width: int, height: int, bit_depth: int, *, corrects_drift: bool = True
     ) -> None:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
@@ -88,7 +84,12 @@ class MainFrameEncoder:
         self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
-        self.inter = _inter_encoder(settings)
+        self.inter = settings.inter  # with the effects that are switched on
+        if settings.effects.motion == "off":
+            self.inter = replace(self.inter, cells=())
+        if settings.effects.gsa == "off":
+            self.inter = replace(self.inter, new_share=0.0)
+        self.field: Field | None = None  # of the frame before, if that is a P-frame
         self.quantizer = 0  # that of the next P-frame, or the first that is tried for it
         self.intra_bits = 0  # of the last I-frame: with a PSNR to hold, a P-frame that misses it with more is given up
         self.before: F4 | None = None  # (H, W, 3), the source of the frame before
@@ -100,8 +101,8 @@ class MainFrameEncoder:
         # in the frame before. A P-frame is fitted to the picture with them all, those above moved by the optical flow,
         # so that what they stand on goes where they will go.
         self.below, self.above = Splats.empty(), Splats.empty()
-        self.holds_level = holds_level and settings.psnr is None and settings.quality is None
-        self._held_level = HeldLevel(settings.inter.fall, 0)
+        self.corrects_drift = corrects_drift and settings.psnr is None and settings.quality is None
+        self._drift = Drift(settings.inter.fall, 0)
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
@@ -125,7 +126,7 @@ class MainFrameEncoder:
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
         state = self.state
-        other = type(self)(self.settings, state.width, state.height, self.bit_depth, holds_level=self.holds_level)
+        other = type(self)(self.settings, state.width, state.height, self.bit_depth, corrects_drift=self.corrects_drift)
         other.total, other.most, other.room = self.total, self.most, self.room
         return other
 
@@ -148,10 +149,10 @@ class MainFrameEncoder:
         """Note whether the next frame, if its source is equal, is worth another pass, and choose D for the next one."""
         if result.codes.type == "I":
             self.intra_psnr = result.psnr
-            self._held_level = HeldLevel(self.settings.inter.fall, self.quantizer)
-        elif result.codes.type == "P" and self.holds_level:
-            self._held_level = self._held_level.after(result.psnr)
-            self.quantizer = self._held_level.following(self.quantizer)
+            self._drift = Drift(self.settings.inter.fall, self.quantizer)
+        elif result.codes.type == "P" and self.corrects_drift:
+            self._drift = self._drift.after(result.psnr)
+            self.quantizer = self._drift.following(self.quantizer)
         gained = result.codes.type == "P" and (not is_equal or result.psnr > self.last_psnr + PASS_GAIN)
         self.is_catching_up = self.settings.psnr is None and gained and result.psnr < self.intra_psnr - FALLEN_DB
         self.last_psnr = result.psnr
@@ -169,6 +170,13 @@ class _FrameWork:
         self.seconds = StageSeconds()
         self.iterations = 0
         self.log = FrameLog()
+
+    @cached_property
+    def target(self) -> Target:
+        """What the splats of an I-frame are fitted to."""
+        settings = self.settings
+        watch = self._watch(intra_evaluations(settings.intra))
+        return Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
 
     def repeated(self, why: str | None = None) -> EncodedFrame:
         """An R-frame: nothing changes."""
@@ -189,7 +197,9 @@ class _FrameWork:
             else:
                 quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
                 if quantizer is not None and settings.splats is None:
-                    encoder.total = self._splats_for(quantizer)
+                    encoder.total = splats_for(
+                        self.target, quantizer, self._rng(), settings.intra, encoder.total, encoder.most
+                    )
                 coded = self._searched(encoder.total, quantizer)
         if settings.psnr is not None:
             encoder.total = max(1, len(coded.state.values))
@@ -220,15 +230,12 @@ class _FrameWork:
         return self._finished(coded)
 
     def _searched(self, splats: int, quantizer: int | None) -> _Coded:
-        """An I-frame of about so many splats."""
-        settings = self.settings
-        rng = np.random.default_rng([settings.seed, self.number])  # each try begins with the same draws
-        found = encode_intra(
-            self.picture, splats, rng, quantizer, settings.intra, base=self.encoder.below.to_array(),
-            threads=settings.threads, precision=settings.precision,
-            on_evaluation=self._watch(settings.intra.evaluations),
-        )  # fmt: skip
-        return self._decoded(found.codes, _inter_encoder(settings))
+        """An I-frame of about this number of splats."""
+        return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.intra))
+
+    def _rng(self) -> np.random.Generator:
+        """Randomness of the frame: each try begins with the same draws."""
+        return np.random.default_rng([self.settings.seed, self.number])
 
     def _held_intra(self, goal: float) -> _Coded:
         """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
@@ -257,20 +264,12 @@ class _FrameWork:
         def without(count: int) -> _Coded:
             kept = new.take(np.sort(weakest[count:]))
             densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
-            return self._decoded(replace(coded.codes, new=kept, densities=densities), coded.inter)
+            return self._decoded(replace(coded.codes, new=kept, densities=densities))
 
         return most_spared(without, coded, len(weakest), goal)
 
-    def _splats_for(self, quantizer: int) -> int:
-        """The number of splats that goes with a quantiser."""
-        encoder, settings = self.encoder, self.settings
-        watch = self._watch(settings.intra.evaluations)
-        rng = np.random.default_rng([settings.seed, self.number])
-        target = Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
-        return splats_for(target, quantizer, rng, settings.intra, splats=encoder.total, most_splats=encoder.most)
-
     def _inter(self, quantizer: int) -> _Coded:
-        """A P-frame with a quantiser."""
+        """A P-frame with a quantizer."""
         encoder, settings = self.encoder, self.settings
         assert encoder.before is not None
         above = encoder.above.to_array()
@@ -280,17 +279,18 @@ class _FrameWork:
         splats = len(encoder.state.values) + len(beside)
         watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
-        inter = copy(encoder.inter)
-        frame = PFrame(encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total)
-        return self._decoded(inter.encode(frame), inter)
+        frame = PFrame(
+            encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total, encoder.field
+        )
+        return self._decoded(*encode_inter(frame, encoder.inter))
 
-    def _decoded(self, codes: MainCodes, inter: InterEncoder) -> _Coded:
+    def _decoded(self, codes: MainCodes, field: Field | None = None) -> _Coded:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
         before = self.encoder.state
         body = Writer()
         state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
-        return _Coded(codes, state, min(self._psnr_of(state), MOST_PSNR), inter, body.position)
+        return _Coded(codes, state, min(self._psnr_of(state), MOST_PSNR), body.position, field)
 
     def _psnr_of(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""
@@ -299,8 +299,7 @@ class _FrameWork:
 
     def _finished(self, coded: _Coded, reason: str | None = None) -> EncodedFrame:
         encoder = self.encoder
-        encoder.inter = coded.inter
-        encoder.quantizer = coded.codes.quantizer
+        encoder.field, encoder.quantizer = coded.field, coded.codes.quantizer
         achieved = math.inf if coded.psnr == MOST_PSNR else coded.psnr
         return EncodedFrame(
             coded.codes, coded.state, achieved, self.iterations, self.seconds, self.log.decisions, reason
@@ -308,26 +307,17 @@ class _FrameWork:
 
     def _log_inter(self, codes: MainCodes) -> None:
         """Log what became of the splats of the frame before."""
-        effects, log = self.settings.effects, self.log
+        effects, log, new = self.settings.effects, self.log, codes.intra_count
         same, removed = float((codes.modes == 0).mean()), int((codes.modes == REMOVED).sum())
-        if same:
-            log.add("regions", f"changing {percent(same)} of the splats is not worth its bits", done=False)
-        else:
-            log.add("regions", "every splat changes", done=True)
-        new = codes.intra_count
-        if effects.gsa == "off":
-            log.add("gsa", OFF, done=False)
-        else:
-            reason = f"new splats that are worth their bits: {new:,}" if new else "no new splat is worth its bits"
-            log.add("gsa", reason, done=new > 0)
-        reason = f"splats removed, since they left the frame: {removed:,}" if removed else "no splat has left the frame"
-        log.add("gsp", reason, done=removed > 0)
-        if effects.motion == "off":
-            log.add("motion", OFF, done=False)
-        elif codes.motion_cell:
-            log.add("motion", f"a field in cells of {SIDES[codes.motion_cell]} pixels moves the splats", done=True)
-        else:
-            log.add("motion", "no field is worth its bits", done=False)
+        regions = f"changing {percent(same)} of the splats is not worth its bits" if same else "every splat changes"
+        log.add("regions", regions, done=not same)
+        gsa = f"new splats that are worth their bits: {new:,}" if new else "no new splat is worth its bits"
+        log.add("gsa", OFF if effects.gsa == "off" else gsa, done=new > 0)
+        gsp = f"splats removed, since they left the frame: {removed:,}" if removed else "no splat has left the frame"
+        log.add("gsp", gsp, done=removed > 0)
+        cell = SIDES[codes.motion_cell]
+        motion = f"a field in cells of {cell} pixels moves the splats" if cell else "no field is worth its bits"
+        log.add("motion", OFF if effects.motion == "off" else motion, done=cell > 0)
 
     def _watch(self, count: int) -> Callable[[float], None]:
         """What is called after each of about `count` evaluations."""
@@ -340,13 +330,3 @@ class _FrameWork:
             self.progress("encode", done, count, psnr_of_loss(loss))
 
         return evaluated
-
-
-def _inter_encoder(settings: MainSettings) -> InterEncoder:
-    """An encoder of the P-frames behind an I-frame, with the effects that are switched on."""
-    inter, effects = settings.inter, settings.effects
-    if effects.motion == "off":
-        inter = replace(inter, cells=())
-    if effects.gsa == "off":
-        inter = replace(inter, new_share=0.0)
-    return InterEncoder(inter)

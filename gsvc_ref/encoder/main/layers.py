@@ -1,4 +1,4 @@
-"""Encoding frame after frame in profile `main` with layers, each in a closed loop of its own (spec.md section 15.13).
+"""Encoding frame after frame in profile `main` with layers, each in its own closed loop (spec.md section 15.13).
 
 Layer l is coded as the base is, with what is below it as a constant background: its splats are fitted to what the base
 and the layers up to l - 1 leave of the frame. It is predicted from itself, so no layer depends on the bits of another.
@@ -30,7 +30,7 @@ class LayeredFrameEncoder:
     def __init__(self, settings: MainSettings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
         self.parts = [  # of the base and each layer above it; the D of P-frames is that of all layers together
-            MainFrameEncoder(one, width, height, bit_depth, holds_level=False) for one in settings.of_layers()
+            MainFrameEncoder(one, width, height, bit_depth, corrects_drift=False) for one in settings.of_layers()
         ]
         self.together = not settings.layers  # whether a P-frame's layers are fitted with those above them
         if settings.layers:  # each may need all splats that there is room for

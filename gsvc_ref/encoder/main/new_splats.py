@@ -22,7 +22,7 @@ from gsvc_ref.encoder.main.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, R
 from gsvc_ref.encoder.main.fitter import keep_inside
 from gsvc_ref.rendering.fast.threads import run_tasks
 
-CUTOFF: Final = 3.0  # candidates are cut off at so many deviations
+CUTOFF: Final = 3.0  # candidates are cut off at this many deviations
 
 FIRST_DECAY: Final = 0.9
 SECOND_DECAY: Final = 0.95
@@ -30,51 +30,39 @@ RATE: Final = 0.25
 LEAST_DEVIATION: Final = 1e-9
 """Adam's averages, its rate in units of D, and what keeps its quotient finite, in squared error per unit."""
 
-BAND: Final = 32  # rows of candidates whose first responses are one task, or of pixels in opponent colours
+BAND: Final = 32  # rows of candidates whose first responses are one task
 
 
 class Grid(NamedTuple):
-    """Round splats of one size, on a grid."""
+    """Round splats of one size, on a grid, and their responses to what is left of the residual."""
 
     rest: F8  # (H, W, 3), what is left of the residual in opponent colors
     size: float  # their deviation s in pixels
     spacing: int  # the distance between them in pixels
     radius: int  # how far one reaches in pixels
     weights: F8  # (2 (radius + spacing) + 1,), exp(-x^2 / (2 s^2)) of the pixels around a center along an axis
+    response: F8  # (rows, columns, 3), n of each
+    gains: F8  # (rows,), the largest gain in a row
+    best: I8  # (rows,), the first column that has it
 
-
-class _Candidates:
-    """The responses of the splats of a grid to what is left of a residual, which may change, if `update` says where."""
-
-    def __init__(self, rest: F8, size: float, threads: int | None) -> None:
-        height, width = rest.shape[:2]
+    @classmethod
+    def of(cls, rest: F8, size: float, threads: int | None) -> "Grid":
+        """The candidates of a size."""
         spacing, radius = max(1, int(size / 2)), math.ceil(CUTOFF * size)
         places = np.arange(-radius - spacing, radius + spacing + 1) / size
-        self.grid = Grid(rest, size, spacing, radius, exp(-0.5 * (places * places)))
-        rows, columns = -(-height // spacing), -(-width // spacing)
-        self.response = np.zeros((rows, columns, 3))  # n
-        self.gains, self.columns = np.zeros(rows), np.zeros(rows, np.int64)  # the largest gain in a row, and where
+        rows, columns = -(-rest.shape[0] // spacing), -(-rest.shape[1] // spacing)
+        results = np.zeros((rows, columns, 3)), np.zeros(rows), np.zeros(rows, np.int64)
+        grid = cls(rest, size, spacing, radius, exp(-0.5 * (places * places)), *results)
         bands = -(-rows // BAND)
-        run_tasks(lambda i: self._respond(i * BAND, 0, min((i + 1) * BAND, rows), columns), bands, threads)
-
-    def best(self) -> tuple[float, int, int]:
-        """The largest gain, its row and its column; the first of equal ones."""
-        row = int(self.gains.argmax())
-        return float(self.gains[row]), row, int(self.columns[row])
+        run_tasks(lambda i: _respond(grid, i * BAND, 0, min((i + 1) * BAND, rows), columns), bands, threads)
+        return grid
 
     def update(self, x: int, y: int, radius: int) -> None:
         """Respond anew to what is left around a pixel."""
-        reach, spacing = radius + self.grid.radius, self.grid.spacing
-        self._respond(
-            max(0, (y - reach) // spacing),
-            max(0, (x - reach) // spacing),
-            min(self.response.shape[0], (y + reach) // spacing + 1),
-            min(self.response.shape[1], (x + reach) // spacing + 1),
-        )
-
-    def _respond(self, top: int, left: int, bottom: int, right: int) -> None:
-        _respond(self.grid, self.response, top, left, bottom, right)
-        _find_best(self.response, top, bottom, self.gains, self.columns)
+        reach, (rows, columns) = radius + self.radius, self.response.shape[:2]
+        top, left = max(0, (y - reach) // self.spacing), max(0, (x - reach) // self.spacing)
+        bottom, right = (y + reach) // self.spacing + 1, (x + reach) // self.spacing + 1
+        _respond(self, top, left, min(rows, bottom), min(columns, right))
 
 
 def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: int, threads: int | None = None) -> F8:
@@ -83,23 +71,20 @@ def best_candidates(residual: F4, sizes: tuple[float, ...], least: float, most: 
     `residual` (H, W, 3) f4 is target minus picture, `sizes` are the deviations to try in pixels. A splat's gain must be
     above `least`, in squared error of 8-bit units. The result does not depend on the threads.
     """
-    height, width = residual.shape[:2]
-    rest = np.empty((height, width, 3))
-    given = np.ascontiguousarray(residual)
-    bands = -(-height // BAND)
-    run_tasks(lambda i: _opponent(given, rest, i * BAND, min((i + 1) * BAND, height)), bands, threads)
-    layers = [_Candidates(rest, size, threads) for size in sizes]
+    rest = _opponent(residual)
+    grids = [Grid.of(rest, size, threads) for size in sizes]
     found: list[list[float]] = []
     while len(found) < most:
-        (gain, row, column), layer = max(((layer.best(), layer) for layer in layers), key=lambda one: one[0][0])
-        if gain <= least:
+        grid = max(grids, key=lambda one: one.gains.max())  # the first of equal ones, and so the first row and column
+        row = int(grid.gains.argmax())
+        if grid.gains[row] <= least:
             break
-        n = layer.response[row, column].copy()
-        grid = layer.grid
+        column = int(grid.best[row])
+        n = grid.response[row, column].copy()
         x, y = column * grid.spacing + grid.spacing // 2, row * grid.spacing + grid.spacing // 2
         _subtract(grid, x, y, n)
         found.append([x + 0.5, y + 0.5, ROOT2 * float(log(grid.size)), 0.0, 0.0, *n])
-        for other in layers:
+        for other in grids:
             other.update(x, y, grid.radius)
     return np.array(found, np.float64).reshape(-1, 8)
 
@@ -111,9 +96,6 @@ class NewSplats:
         self.z, self._D, self._width, self._height = z, D, width, height
         self._first, self._second = np.zeros(z.shape), np.zeros(z.shape)  # averages of gradients and of their squares
         self._decayed = 1.0, 1.0  # the powers of both decays
-
-    def __len__(self) -> int:
-        return len(self.z)
 
     def step(self, parameters: F4, gradient: F4, scale: float) -> None:
         """One step, given the parameters (n, 8) and the gradient of the loss by them; `scale` is SSE over loss."""
@@ -133,20 +115,22 @@ class NewSplats:
 
 
 @kernel()
-def _opponent(residual: F4, out: F8, top: int, bottom: int) -> None:
-    """The rows top..bottom of the residual, in orthonormal opponent colours and units of 8 bits."""
-    for y in range(top, bottom):
+def _opponent(residual: F4) -> F8:
+    """The residual (H, W, 3) in orthonormal opponent colors and units of 8 bits."""
+    out = np.empty(residual.shape)
+    for y in range(residual.shape[0]):
         for x in range(residual.shape[1]):
             r, g, b = np.float64(residual[y, x, 0]), np.float64(residual[y, x, 1]), np.float64(residual[y, x, 2])
             out[y, x, 0] = ((r + g) + b) * (255 * PER_ROOT3)
             out[y, x, 1] = (r - b) * (255 * PER_ROOT2)
             out[y, x, 2] = ((r - 2 * g) + b) * (255 * PER_ROOT6)
+    return out
 
 
 @kernel()
-def _respond(grid: Grid, response: F8, top: int, left: int, bottom: int, right: int) -> None:
-    """The responses of rows top..bottom and columns left..right of the candidates of one size."""
-    rest, size, spacing, radius, weights = grid
+def _respond(grid: Grid, top: int, left: int, bottom: int, right: int) -> None:
+    """The responses of rows top..bottom and columns left..right of a grid, and the largest gains of these rows."""
+    rest, size, spacing, radius, weights, response, gains, best = grid
     height, width = rest.shape[:2]
     if right <= left or bottom <= top:
         return
@@ -172,18 +156,12 @@ def _respond(grid: Grid, response: F8, top: int, left: int, bottom: int, right: 
         for place in range(left, right):
             for c in range(3):
                 response[row, place, c] = across[3 * spacing * (place - left) + c] * norm
-
-
-@kernel()
-def _find_best(response: F8, top: int, bottom: int, gains: F8, columns: I8) -> None:
-    """The largest gain in each of the rows top..bottom, and the first column that has it."""
-    for row in range(top, bottom):
         gains[row] = -1.0
         for column in range(response.shape[1]):
-            a, b, c = response[row, column, 0], response[row, column, 1], response[row, column, 2]
-            gain = (a * a + b * b) + c * c
+            n0, n1, n2 = response[row, column, 0], response[row, column, 1], response[row, column, 2]
+            gain = (n0 * n0 + n1 * n1) + n2 * n2
             if gain > gains[row]:
-                gains[row], columns[row] = gain, column
+                gains[row], best[row] = gain, column
 
 
 @kernel()

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, F8
-from gsvc_base.portable import log10
 from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_coordinates
 from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
 from gsvc_ref.rendering import Objective, Precision
@@ -29,8 +28,6 @@ OnEvaluation = Callable[[float], None]
 SQUARE_OF_8_BITS: Final = 255.0 * 255.0
 """A squared error of 1 in units of 8 bits."""
 
-LEAST_LOSS: Final = 1e-12  # the loss of a picture without error, so that its PSNR is finite
-
 PIXELS_OF_STEPS: Final = ((400, 4), (100, 2))
 """More pixels for each splat than the first number of a pair, on average, and its step is fine enough."""
 
@@ -38,7 +35,7 @@ LEAST_SIDE: Final = 32  # smallest width and height in pixels of a reduced pictu
 
 
 def step_for(width: int, height: int, splats: int) -> int:
-    """1, 2 or 4: how many times smaller a picture may be on which so many splats are fitted."""
+    """1, 2 or 4: how many times smaller a picture may be on which this many splats are fitted."""
     for pixels, step in PIXELS_OF_STEPS:
         if width * height > pixels * max(splats, 1) and min(width, height) >= step * LEAST_SIDE:
             return step
@@ -49,11 +46,11 @@ class Reduced:
     """The objective of a picture (h, w, 3) f4 that is reduced by a step, of splats in pixels of the full size."""
 
     def __init__(self, objective: Objective, picture: F4, step: int) -> None:
-        self._objective, self._picture, self._step = objective, picture, step
+        self.objective, self._picture, self._step = objective, picture, step
 
     def evaluate(self, parameters: F4) -> tuple[float, F4]:
         """The loss, and its gradient (N, 8) f4 by the parameters."""
-        loss, gradient = self._objective.evaluate(resized(parameters, 1 / self._step))
+        loss, gradient = self.objective.evaluate(resized(parameters, 1 / self._step))
         return loss, resized(gradient, 1 / self._step)
 
     @cached_property
@@ -62,8 +59,7 @@ class Reduced:
 
     def new_splats(self, count: int, total: int, rng: Generator) -> F4:
         """Splats (count, 8) f4 along edges where the splats evaluated last leave the most, of `total` in all."""
-        missing = self._objective.residual()
-        np.negative(missing, out=missing)
+        missing = -self.objective.residual()
         return resized(edge_splats(self._tensor, missing, count, total, rng), self._step)
 
 
@@ -79,11 +75,9 @@ def resized(parameters: F4, factor: float) -> F4:
 class Target:
     """A picture to be described, with the squared error of splats in units of 8 bits.
 
-    While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared
-    error is always that of the whole picture, or about that.
-
-    `base` (B, 8) f4 are splats that are in every picture, such as those of a lower layer; `on_evaluation` is called
-    after each evaluation.
+    While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared error is always that
+    of the whole picture, or about that. `base` (B, 8) f4 are splats that are in every picture, such as those of a lower
+    layer; `on_evaluation` is called after each evaluation.
     """
 
     def __init__(
@@ -94,21 +88,19 @@ class Target:
         precision: Precision = "fast",
         on_evaluation: OnEvaluation | None = None,
     ) -> None:
-        self._on_evaluation = on_evaluation
         self.height, self.width = picture.shape[:2]
-        self._picture, self._objective = picture, Objective(picture, threads, precision=precision)
-        self._make = partial(Objective, threads=threads, precision=precision)
-        self._sizes = {1: Reduced(self._objective, picture, 1)}  # by step, each made when it is first asked for
-        self._size = self._sizes[1]
+        self.base_count = 0 if base is None else len(base)
+        self._picture, self._on_evaluation = picture, on_evaluation
+        self._objective = partial(Objective, threads=threads, precision=precision)
+        self._whole = Reduced(self._objective(picture, background=base), picture, 1)
+        self._size, self._sizes = self._whole, {1: self._whole}  # by step, each made when it is first asked for
         self._scale = self.height * self.width * SQUARE_OF_8_BITS
-        self._base = np.zeros((0, 8), np.float32) if base is None else base
-        self.hold(self._base[:0])
 
     def start(self, count: int, rng: Generator) -> F8:
         """Coordinates (count, 8) of splats to begin with."""
-        if len(self._base):
-            self._objective.loss(self._base[:0])
-            return self.new_splats(count, count + len(self._base), rng)
+        if self.base_count:
+            self._whole.objective.loss(np.zeros((0, 8), np.float32))
+            return self.new_splats(count, count + self.base_count, rng)
         return to_coordinates(image_start(self._picture, count, rng).to_array())
 
     def new_splats(self, count: int, total: int, rng: Generator) -> F8:
@@ -116,20 +108,20 @@ class Target:
         return to_coordinates(self._size.new_splats(count, total, rng))
 
     def resize(self, splats: int | None = None) -> bool:
-        """Evaluate from now on at the size that does for so many splats, None: the full one; whether that is another.
+        """Evaluate from now on at the size that does for this many splats, None: the full one; whether it is another.
 
         A picture with a base stays as large as it is; one in which splats are held is to be of the full size.
         """
-        step = 1 if splats is None or len(self._base) else step_for(self.width, self.height, splats)
+        step = 1 if splats is None or self.base_count else step_for(self.width, self.height, splats)
         if step not in self._sizes:
             small = block_means(self._picture, step)
-            self._sizes[step] = Reduced(self._make(small), small, step)
+            self._sizes[step] = Reduced(self._objective(small), small, step)
         before, self._size = self._size, self._sizes[step]
         return self._size is not before
 
     def hold(self, parameters: F4) -> None:
         """From now on splats (n, 8) f4 are in every picture of the full size, with the base and those evaluated."""
-        self._objective.hold(np.concatenate([self._base, parameters]))
+        self._whole.objective.hold(parameters)
 
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
@@ -137,9 +129,3 @@ class Target:
         if self._on_evaluation:
             self._on_evaluation(loss)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
-
-    def psnr(self, parameters: F4) -> float:
-        """The PSNR in dB of the picture of the base and splats (N, 8) f4."""
-        self.hold(parameters)
-        error = self._objective.loss(parameters[:0])
-        return 10 * float(log10(3 / max(error, LEAST_LOSS)))

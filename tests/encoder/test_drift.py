@@ -9,7 +9,7 @@ from codec_cases import encoded
 
 from gsvc_lab.scenes import demo_clip
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.held_level import FINEST, JUMP, RECOVERED, HeldLevel
+from gsvc_ref.encoder.drift import FINEST, JUMP, RECOVERED, Drift
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
 from gsvc_ref.encoder.main.layers import LayeredFrameEncoder
 from gsvc_ref.stream import Stream
@@ -19,12 +19,12 @@ INTRA = 40
 """The quantiser of the I-frame."""
 
 
-def chosen(*qualities, intra=INTRA):
-    """The quantisers that follow P-frames of these PSNRs."""
-    level, quantizer, found = HeldLevel(FALL, intra), intra, []
-    for quality in qualities:
-        level = level.after(quality)
-        quantizer = level.following(quantizer)
+def chosen(*psnrs, intra=INTRA):
+    """The quantizers that follow P-frames of these PSNRs."""
+    drift, quantizer, found = Drift(FALL, intra), intra, []
+    for psnr in psnrs:
+        drift = drift.after(psnr)
+        quantizer = drift.following(quantizer)
         found.append(quantizer)
     return found
 
@@ -33,7 +33,7 @@ def test_a_step_finer_for_each_frame_that_is_behind():
     assert chosen(35.0, 34.0, 33.5, 33.4, 33.3, 33.4) == [40, 40, 40, 39, 38, 37]
 
 
-def test_d_comes_back_once_the_level_is_made_good_and_no_further():
+def test_d_comes_back_once_the_psnr_does_and_no_further():
     behind = FALL - RECOVERED
     assert chosen(35.0, 33.0, 33.0, 35 - behind - 0.01, 35 - behind + 0.01, 34.0, 36.0) == [40, 39, 38, 38, 39, 40, 40]
 
@@ -44,17 +44,17 @@ def test_d_has_a_finest(intra, finest):
 
 
 def test_what_falls_at_once_shows_something_else():
-    """The level is then that of what is shown now; and what falls as far step by step sinks."""
+    """P-frames are then compared with what is shown now; and what falls as far step by step sinks."""
     assert chosen(35.0, 35 - JUMP - 0.1, 31.0, 30.5) == [40] * 4
     assert chosen(35.0, 33.6, 32.1)[-1] == 39
 
 
-def test_layers_do_not_hold_a_level_of_their_own():
+def test_layers_do_not_correct_their_own_drift():
     """Their D is that of all of them together, in every group of pictures."""
     encoder = LayeredFrameEncoder(Settings.quick(layer_splats=(20, 30)), 48, 32, 8)
     for each in (encoder, encoder.for_group(), encoder.for_group().for_group()):
-        assert [part.holds_level for part in each.parts] == [False, False]
-    assert MainFrameEncoder(Settings.quick(splats=20), 48, 32, 8).for_group().holds_level
+        assert [part.corrects_drift for part in each.parts] == [False, False]
+    assert MainFrameEncoder(Settings.quick(splats=20), 48, 32, 8).for_group().corrects_drift
 
 
 def fallen(report):
