@@ -3,8 +3,9 @@
 In reading order: `loop` is all of it, the frames of a video in and encoded frames out; `setup` makes what it needs, and
 `recording` writes what comes out of it, as a stream and a `report`. `frame_types` gives each frame its type, by the
 rule of `key_frames` (DKS) after `pretraining`. `main` encodes the frames of profile `main`, `paper` those of profile
-`paper`, whose preset `quick` fits by `quick`. `held_quality` searches numbers of splats for a PSNR in both.
-`settings` and `effects` say what is asked for, `log` what was decided. `source_and_target` opens both ends.
+`paper`: its P-frames begin by `prediction`, and its preset `quick` fits by `quick`. `held_quality` searches numbers of
+splats for a PSNR in both. `settings` and `effects` say what is asked for, `log` what was decided. `source_and_target`
+opens both ends.
 """
 
 from gsvc_ref.encoder.effects import Effects

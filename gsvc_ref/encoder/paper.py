@@ -6,7 +6,7 @@ preset `quick` by L-BFGS (`quick`); all else is the same for both.
 
 import math
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
 from gsvc_ref.encoder.held_quality import ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
-from gsvc_ref.encoder.log import OFF, FrameLog
+from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.encoder.motion import estimated_motion
+from gsvc_ref.encoder.prediction import MAX_PSNR, exchange_counts, moved_along_flow
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
 from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
@@ -40,12 +40,6 @@ from gsvc_ref.training import (
     uniform_numbers,
 )
 from gsvc_ref.training.settings import MOST_THRESHOLD
-
-NEW_DROP: Final = 1.0
-"""Something new is to be seen in a P-frame that is predicted with so many dB less than the frame before has."""
-
-MOST_NEW: Final = 3.0
-"""A frame gets at most this many times `FrameSettings.new_fraction` of new splats, one time for each NEW_DROP."""
 
 
 class FrameEncoder:
@@ -188,20 +182,14 @@ class _PaperFrame:
     def _fitted_inter(self, total: int) -> Population:
         """The splats of a P-frame of N splats: those of the frame before, moved, without some, with new ones."""
         self.rng = np.random.default_rng([self.settings.seed, self.number])
-        settings, effects = self.settings.inter.fit, self.settings.effects
+        settings = self.settings.inter.fit
         with self.seconds.timed("start"):
-            parameters, predicted = self._moved(self.before.splats.to_array())
-            old = len(parameters)
-            new = self._new_splats(total, predicted)
-            if self.settings.psnr is not None:
-                new = max(new, total - old)
-            if effects.gsp == "off":
-                new, removed = min(new, max(0, self.encoder.most - old)), 0
-            elif effects.gsp == "all" and self.settings.psnr is None:
-                removed = min(new, old)  # as many go as come (paper section 3.5)
-            else:
-                removed = min(max(0, old + new - total), old)  # those that have no room
-            self._log_exchange(new, removed)
+            before = self.encoder.picture if self.settings.effects.motion == "auto" else None
+            parameters, predicted = moved_along_flow(
+                self.before.splats.to_array(), before, self.picture, self.objective, self.log
+            )
+            old, drop = len(parameters), min(self.encoder.last_psnr, MAX_PSNR) - predicted
+            new, removed = exchange_counts(self.settings, old, total, self.encoder.most, drop, self.log)
         if isinstance(settings, QuickFit):
             with self.seconds.timed("fit"):
                 target = self._target(settings)
@@ -217,54 +205,6 @@ class _PaperFrame:
         population = Population(Splats.from_array(parameters[stay]), KEPT_WEIGHT, stay, settings.optimizer)
         self._augment(population, new, learn_weights=settings.pruning is not None)
         return self._fitted(population, settings)
-
-    def _moved(self, parameters: F4) -> tuple[F4, float]:
-        """The splats along the optical flow, if that brings the picture closer, and the PSNR of the prediction."""
-        psnr_before = psnr_of_loss(self.objective.loss(parameters))
-        before = self.encoder.picture
-        if self.settings.effects.motion == "off" or before is None:
-            self.log.add("motion", OFF, done=False)
-            return parameters, psnr_before
-        moved = parameters.copy()
-        moved[:, :2] += estimated_motion(before, self.picture, parameters[:, :2])
-        psnr_moved = psnr_of_loss(self.objective.loss(moved))
-        if psnr_moved <= psnr_before:
-            self.log.add("motion", "moving splats along the flow would not bring the prediction closer", done=True)
-            return parameters, psnr_before
-        gain = min(psnr_moved, 100) - psnr_before
-        self.log.add("motion", f"moved splats bring the prediction {max(gain, 0):.1f} dB closer", done=True)
-        return moved, psnr_moved
-
-    def _new_splats(self, total: int, predicted: float) -> int:
-        """How many splats GSA adds to a P-frame that is predicted with a PSNR in dB."""
-        mode, drop = self.settings.effects.gsa, min(self.encoder.last_psnr, 100.0) - predicted
-        need = {"off": 0.0, "all": 1.0}.get(mode, min(drop / NEW_DROP, MOST_NEW) if drop > NEW_DROP else 0.0)
-        new = round(self.settings.inter.new_fraction * total * need)
-        if mode == "off":
-            reason = OFF
-        elif mode == "all":
-            reason = "asked for"
-        else:
-            reason = f"predicted with {max(drop, 0.0):.1f} dB less than the frame before has"
-        self.log.add("gsa", reason, done=new > 0)
-        return new
-
-    def _log_exchange(self, new: int, removed: int) -> None:
-        """Log how many splats come and go."""
-        effects = self.settings.effects
-        if effects.regions == "all":
-            self.log.add("regions", "asked for", done=True)
-        else:
-            self.log.add("regions", "what changes too little to be seen stays as it is", done=False)
-        if effects.gsa == "all" and not new:
-            self.log.add("gsa", "no room for more splats without pruning", done=False)
-        if effects.gsp == "off":
-            reason = OFF
-        elif removed:
-            reason = f"{removed:,} splats go and {new:,} come"
-        else:
-            reason = "the rate has room for all splats"
-        self.log.add("gsp", reason, done=removed > 0)
 
     def _augment(self, population: Population, count: int, *, learn_weights: bool) -> None:
         """GSA: nearly invisible splats anywhere; where w is not learnt, their colours are faint."""
@@ -324,8 +264,8 @@ class _PaperFrame:
         """The frame, with the PSNR of what a decoder will show."""
         with self.seconds.timed("check"):
             decoded = self.encoder.renderer.frame(state.splats, self.encoder.bit_depth)
-            quality = psnr(self.frame, decoded, self.peak)
-        return EncodedFrame(codes, state, quality, self.iterations, self.seconds, self.log.decisions)
+            reached = psnr(self.frame, decoded, self.peak)
+        return EncodedFrame(codes, state, reached, self.iterations, self.seconds, self.log.decisions)
 
     # ---- time and progress ----
     def _report(self, stage: str) -> OnIteration:

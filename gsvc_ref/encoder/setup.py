@@ -149,7 +149,7 @@ def _missed_layers(frames: list[FrameReport], settings: MainSettings) -> list[st
     notes = []
     for layer, goal in enumerate(settings.layers):
         reached = [frame.layers[layer].psnr for frame in frames if frame.layers]
-        missed = [quality for quality in reached if quality < goal]
+        missed = [psnr for psnr in reached if psnr < goal]
         if missed:
             notes.append(
                 f"up to layer {layer} {len(missed)} of {len(reached)} frames have less than {goal:g} dB (the worst "

@@ -78,11 +78,11 @@ class SplatCoder:
             coded, reason = self._coded(frame, frame_type, number, objective)
         with seconds.timed("check"):
             wanted, shown = (self._renderer.frame(splats, self.bit_depth) for splats in (given, coded.state.splats))
-            quality = psnr(wanted, shown, (1 << self.bit_depth) - 1)
+            reached = psnr(wanted, shown, (1 << self.bit_depth) - 1)
         if coded.codes.type == "I":
             self._accepted = objective.loss(coded.state.splats.to_array())
         self.state, self._ids, self._given = coded.state, coded.ids, frame
-        return EncodedFrame(coded.codes, coded.state, quality, 0, seconds, reason=reason)
+        return EncodedFrame(coded.codes, coded.state, reached, 0, seconds, reason=reason)
 
     def _check_level(self, frame: GivenSplats, number: int) -> None:
         """Refuse what no level up to this one allows, before anything is rendered."""
@@ -162,8 +162,8 @@ class SplatCoder:
 
     def _score(self, coded: _Coded, number: int, objective: Objective) -> float:
         """PSNR less what as many bits could have bought otherwise: DB_PER_DOUBLING for each doubling."""
-        quality = min(psnr_of_loss(objective.loss(coded.state.splats.to_array())), MAX_PSNR)
-        return quality - DB_PER_DOUBLING * float(log2(self._bytes(coded, number)))
+        reached = min(psnr_of_loss(objective.loss(coded.state.splats.to_array())), MAX_PSNR)
+        return reached - DB_PER_DOUBLING * float(log2(self._bytes(coded, number)))
 
     def _bytes(self, coded: _Coded, number: int) -> int:
         """The size in bytes of a frame's payload."""

@@ -3,6 +3,7 @@
 from dataclasses import fields, is_dataclass, replace
 from decimal import Decimal
 from fractions import Fraction
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -128,14 +129,21 @@ def test_values_at_their_ends_encode():
         assert report.file_bytes == len(data)
 
 
-def test_the_search_for_splats_tells_its_progress():
+def test_the_search_for_splats_reports_its_progress():
+    """Each try is a fit, counted from 1 without a gap, then fine-tuning; a frame has the iterations of all tries."""
     seen = []
-    encoded(waves(24, 16, 2), paper_fast(psnr=22.0, splats=60), progress=seen.append)
-    for stage in ("fit", "quantize"):
-        some = [told for told in seen if told.stage == stage]
-        assert any(told.frame == 0 and told.iteration == 1 for told in some)
-        assert all(0 <= told.iteration <= told.iterations for told in some)
-        assert all(told.psnr is not None and told.psnr > 0 for told in some)
+    report, _ = encoded(waves(24, 16, 2), paper_fast(psnr=22.0, splats=60), progress=seen.append)
+    assert {one.stage for one in seen} == {"fit", "quantize"}
+    assert seen[-1].frame == 1
+    for frame in report.frames:
+        mine = [one for one in seen if one.frame == frame.number]
+        fit, tune = ([one for one in mine if one.stage == stage] for stage in ("fit", "quantize"))
+        assert fit[0].iteration == 1
+        assert all(after.iteration in (1, before.iteration + 1) for before, after in pairwise(fit))
+        assert all(1 <= one.iteration <= one.iterations for one in (*fit, *tune))
+        tries = [one for one in fit if one.iteration == 1]
+        assert frame.iterations == len(fit) + len(tune) - len(tries)  # fine-tuning ends with an evaluation and no step
+        assert frame.psnr == pytest.approx(max(one.psnr for one in tune), abs=0.2)  # rounded to 8 bits
 
 
 def test_iterations_leave_the_search_for_key_frames_as_it_is():
