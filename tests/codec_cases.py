@@ -9,8 +9,9 @@ import numpy as np
 
 from gsvc_base.errors import GsvcError
 from gsvc_ref.encoder import EncodeReport, Settings, encode
+from gsvc_ref.encoder.log import read_log
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
-from gsvc_ref.stream import decode
+from gsvc_ref.stream import Stream, decode
 from gsvc_ref.training import AdanSettings, Cosine, FitSettings, Rates
 from gsvc_ref.video import ColorDescription, VideoFormat
 
@@ -121,3 +122,10 @@ class Counting:
             yield frame
         if self.error is not None:
             raise self.error
+
+
+def logged_types(data):
+    """What the log in a stream says of each frame's type."""
+    with Stream(data) as stream:
+        log = read_log(stream.info().ancillary, sum(1 for _ in stream.frames()))
+    return [next(one.reason for one in frame if one.effect == "frames") for frame in log]

@@ -77,8 +77,12 @@ def typed_frames(
             why = Decision("frames", False, reason, saved=settings.inter_iterations)
         else:
             kind, reason = ("I", reason) if is_key else ("P", "predicted")
-            differs = f"{percent(changed)} of the pixels differ from the frame before"
-            why = Decision("frames", True, "asked for" if settings.effects.frames == "all" else differs)
+            words = f"{percent(changed)} of the pixels differ from the frame before"
+            if is_key:
+                words = f"an I-frame: {reason}"
+            elif settings.effects.frames == "all":
+                words = "asked for"
+            why = Decision("frames", True, words)
         yield TypedFrame(number, frame, kind, reason, (why, dks))
         before = frame
 

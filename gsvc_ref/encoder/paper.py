@@ -111,6 +111,8 @@ class _PaperFrame:
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame."""
         goal, total = self.settings.psnr, self.encoder.total
+        if reason is not None:
+            self.log.add("frames", f"an I-frame: {reason}", done=True)
         frame = self._coded_intra(self._fitted_intra(total)) if goal is None else self._held_intra(goal)
         return replace(frame, iterations=self.iterations, reason=reason)
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from codec_cases import encoded, paper_quick, waves
+from codec_cases import encoded, logged_types, paper_quick, waves
 
 from gsvc_lab.scenes import Scene, frames
 from gsvc_ref.encoder import Settings
@@ -132,9 +132,10 @@ def test_a_frame_that_has_the_quality_already_is_repeated(paper):
 def test_a_cut_becomes_an_i_frame_where_a_p_frame_misses_the_quality():
     cut = [np.zeros((24, 32, 3), np.uint8), waves(frames=1)[0]]
     settings = Settings.quick(profile="paper", psnr=40.0, key_frames=100, threads=1)
-    report, _ = encoded(cut, settings)
+    report, data = encoded(cut, settings)
     assert [frame.type for frame in report.frames] == ["I", "I"]
     assert report.frames[1].reason == "a P-frame does not reach the quality"
+    assert logged_types(data)[1] == "an I-frame: a P-frame does not reach the quality"
 
 
 def test_what_keeps_frames_from_their_quality_is_told():

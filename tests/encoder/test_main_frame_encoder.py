@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from codec_cases import encoded, fast, flat, paper_fast, same, waves
+from codec_cases import encoded, fast, flat, logged_types, paper_fast, same, waves
 
 from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.effects import EFFECT_NAMES
@@ -25,12 +25,6 @@ def codes(data):
 
 def types(report):
     return "".join(frame.type for frame in report.frames)
-
-
-def told_of_frames(data):
-    """What the log in a stream says of each frame's type."""
-    log = read_log(Stream(data).info().ancillary, len(codes(data)))
-    return [next(one.reason for one in frame if one.effect == "frames") for frame in log]
 
 
 @pytest.mark.parametrize("preset", [Settings.quick, Settings.slow])
@@ -106,7 +100,7 @@ def test_a_p_frame_that_cannot_hold_the_psnr_becomes_an_i_frame():
     report, data = encoded(cut, fast(psnr=30.0))
     assert types(report) == "II"
     assert report.frames[1].reason == "a P-frame does not reach the quality"
-    assert told_of_frames(data)[1] == "an I-frame: a P-frame does not reach the quality"
+    assert logged_types(data)[1] == "an I-frame: a P-frame does not reach the quality"
     assert min(frame.psnr for frame in report.frames) >= 30
 
 
@@ -153,9 +147,10 @@ def test_motion_and_new_splats_can_be_switched_off():
 @pytest.mark.parametrize("low_latency", [False, True])
 def test_cuts_are_found(effects, low_latency):
     clip = waves(48, 32, 14, cut=9, speed=0.2)
-    report, _ = encoded(clip, fast(key_frames="auto", low_latency=low_latency, effects=effects))
+    report, data = encoded(clip, fast(key_frames="auto", low_latency=low_latency, effects=effects))
     assert report.frames[9].type == "I"
     assert report.frames[9].reason == "scene change"
+    assert logged_types(data)[9] == "an I-frame: scene change"
     assert types(report).count("I") == 2
 
 
@@ -164,7 +159,7 @@ def test_a_frame_without_splats_is_followed_by_an_i_frame():
     assert types(report)[:2] == "II"
     assert report.frames[0].splats == 0
     assert report.frames[1].reason == "the frame before has no splats"
-    assert told_of_frames(data)[1] == "an I-frame: the frame before has no splats"
+    assert logged_types(data)[1] == "an I-frame: the frame before has no splats"
     assert same([next(iter(decode(data)))], flat(0, 48, 32))
 
 
@@ -175,7 +170,7 @@ def test_a_p_frame_with_more_splats_than_the_level_may_have_becomes_an_i_frame()
     became = [number for number in range(1, len(clip)) if report.frames[number].type == "I"]
     why = "no room for more splats in the level of the stream"
     assert {report.frames[number].reason for number in became} <= {why}
-    assert {told_of_frames(data)[number] for number in became} <= {f"an I-frame: {why}"}
+    assert {logged_types(data)[number] for number in became} <= {f"an I-frame: {why}"}
 
 
 def test_every_frame_has_a_decision_about_every_effect_and_the_stream_tells_them():
