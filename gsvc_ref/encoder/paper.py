@@ -14,10 +14,10 @@ from gsvc_base.arrays import F4, Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
-from gsvc_ref.encoder.held_quality import ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
+from gsvc_ref.encoder.held_quality import BEST, ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.encoder.prediction import MAX_PSNR, exchange_counts, moved_along_flow
+from gsvc_ref.encoder.prediction import exchange_counts, moved_along_flow
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
 from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.encoder.stages import StageSeconds
@@ -190,7 +190,7 @@ class _PaperFrame:
             parameters, predicted = moved_along_flow(
                 self.before.splats.to_array(), before, self.picture, self.objective, self.log
             )
-            old, drop = len(parameters), min(self.encoder.last_psnr, MAX_PSNR) - predicted
+            old, drop = len(parameters), min(self.encoder.last_psnr, BEST) - predicted
             new, removed = exchange_counts(self.settings, old, total, self.encoder.most, drop, self.log)
         if isinstance(settings, QuickFit):
             with self.seconds.timed("fit"):

@@ -3,6 +3,7 @@
 from typing import Final
 
 from gsvc_base.arrays import F4
+from gsvc_ref.encoder.held_quality import BEST
 from gsvc_ref.encoder.log import OFF, FrameLog
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import PaperSettings
@@ -14,9 +15,6 @@ NEW_DROP: Final = 1.0
 
 MOST_NEW: Final = 3.0
 """A frame gets at most this many times `FrameSettings.new_fraction` of new splats, one time for each NEW_DROP."""
-
-MAX_PSNR: Final = 100.0
-"""Stands for the PSNR in dB of frames that equal their source."""
 
 
 def moved_along_flow(
@@ -37,7 +35,7 @@ def moved_along_flow(
     if psnr_moved <= psnr_before:
         log.add("motion", "moving splats along the flow would not bring the prediction closer", done=True)
         return parameters, psnr_before
-    gain = min(psnr_moved, MAX_PSNR) - psnr_before
+    gain = min(psnr_moved, BEST) - psnr_before
     log.add("motion", f"moved splats bring the prediction {max(gain, 0):.1f} dB closer", done=True)
     return moved, psnr_moved
 
