@@ -35,7 +35,7 @@ class EncodedFrame:
     # by stage: start, fit, quantize, check; in profile `main` intra, inter, check
     seconds: dict[str, float] = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()  # those of its coder; `described` makes them one for each effect
-    reason: str | None = None  # why it is of its type, if its coder chose that; `described` always says it
+    reason: str | None = None  # why it is of its type, where its coder chose that; else `described` says it
     layers: tuple[EncodedLayer, ...] = ()  # the base and those above it; empty without layers
     # `described` sets both; the time is that of the whole frame
     number: int = 0

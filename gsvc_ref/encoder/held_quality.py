@@ -148,7 +148,7 @@ def coarsest(
     first: int,  # the quantizer tried first
     goal: float,  # PSNR in dB
     tries: int,  # at most
-    most_bits: float,  # a frame that misses the goal with more bits ends the search
+    most_bits: float = math.inf,  # while no frame reaches the goal, one with more bits than this ends the search
     tried: Mapping[int, CodedT] = MappingProxyType({}),  # frames by their quantizer
 ) -> CodedT:
     """The frame with the coarsest step D, of those that are tried, that reaches a PSNR; otherwise the best.

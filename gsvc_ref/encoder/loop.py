@@ -77,12 +77,12 @@ def encode_frames(
     frames: Iterable[TypedFrame[FrameT]], coder: FrameCoder[FrameT], watch: Watch = unwatched
 ) -> Iterator[EncodedFrame]:
     """Encode frames in order, the first group of pictures with `coder` and each other one with another coder."""
-    decided: FrameCoder[FrameT] | None = None
+    template: FrameCoder[FrameT] | None = None  # has what the first frame has decided, and encodes nothing
     for frame in frames:
-        if frame.type == "I" and decided is not None:
-            coder = decided.for_group()
+        if frame.type == "I" and template is not None:
+            coder = template.for_group()
         yield encode_frame(frame, coder, watch)
-        decided = decided or coder.for_group()
+        template = template or coder.for_group()
 
 
 def encode_frame(frame: TypedFrame[FrameT], coder: FrameCoder[FrameT], watch: Watch = unwatched) -> EncodedFrame:
@@ -94,12 +94,10 @@ def encode_frame(frame: TypedFrame[FrameT], coder: FrameCoder[FrameT], watch: Wa
 
 def described(encoded: EncodedFrame, frame: TypedFrame[Any], coder: FrameCoder[Any], elapsed_s: float) -> EncodedFrame:
     """An encoded frame with its number, its time, and all that was decided about it, when it was typed as well."""
-    reason = frame.reason if encoded.codes.type == frame.type else "nothing to see of what changed"
     decisions: tuple[Decision, ...] = ()
     if frame.decisions:
         log = FrameLog((*frame.decisions, *encoded.decisions))
         log.measured("frames", encoded.iterations, sum(encoded.seconds.values()))
         decisions = log.completed(coder.settings.effects, encoded.codes.type)
-    return replace(
-        encoded, number=frame.number, reason=encoded.reason or reason, decisions=decisions, elapsed_s=elapsed_s
-    )
+    reason = encoded.reason or frame.reason
+    return replace(encoded, number=frame.number, reason=reason, decisions=decisions, elapsed_s=elapsed_s)

@@ -1,7 +1,7 @@
 """One frame at a time in profile `paper`, as in the paper's algorithm 1: start, fit, prune, augment, fine-tune.
 
-Each step has a method of `_PaperFrame`, in this order. Preset `paper` fits as the paper does (`gsvc_ref.training`),
-preset `quick` by L-BFGS (`quick`); all else is the same for both.
+`_PaperFrame` has a method for each type of frame, and then the steps in this order. Preset `paper` fits as the paper
+does (`gsvc_ref.training`), preset `quick` by L-BFGS (`quick`); all else is the same for both.
 """
 
 import math
@@ -49,9 +49,10 @@ class FrameEncoder:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = State.initial(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
-        self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
+        # The splats that an I-frame begins with are N until one with a PSNR, `decide` or a search for a size sets it.
+        self.intra_splats, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.intra_psnr = self.last_psnr = math.inf
-        self.picture: F4 | None = None
+        self.picture_before: F4 | None = None  # (H, W, 3), the source of the frame before
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that belong to the profile."""
@@ -64,17 +65,17 @@ class FrameEncoder:
 
     def decided(self) -> tuple[int, ...]:
         """That number."""
-        return (self.total,)
+        return (self.intra_splats,)
 
     def decide(self, decided: tuple[int, ...]) -> None:
         """Take what the first frame of the stream has decided, as `decided` said it."""
-        (total,) = decided
-        self.total = min(max(1, total), self.most)
+        (splats,) = decided
+        self.intra_splats = min(max(1, splats), self.most)
 
     def for_group(self) -> "FrameEncoder":
         """An encoder for another group of pictures, whose search begins with the number of splats of this one."""
         other = type(self)(self.settings, self.state.width, self.state.height, self.bit_depth)
-        other.total = self.total
+        other.intra_splats = self.intra_splats
         return other
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
@@ -82,7 +83,7 @@ class FrameEncoder:
         work = _PaperFrame(self, frame, number, progress)
         result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
         assert isinstance(result.state, State)
-        self.state, self.picture, self.last_psnr = result.state, work.picture, result.psnr
+        self.state, self.picture_before, self.last_psnr = result.state, work.picture, result.psnr
         if result.codes.type == "I":
             self.intra_psnr = result.psnr
         return result
@@ -92,7 +93,7 @@ class _PaperFrame:
     """The work on one frame: what its steps share, and the time that each takes."""
 
     def __init__(self, encoder: FrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
-        self.encoder, self.settings, self.before = encoder, encoder.settings, encoder.state
+        self.encoder, self.settings, self.state_before = encoder, encoder.settings, encoder.state
         self.frame, self.number, self.progress = frame, number, progress
         self.rng = np.random.default_rng([self.settings.seed, number])
         self.height, self.width = frame.shape[:2]
@@ -106,24 +107,25 @@ class _PaperFrame:
     # ---- the types of frames ----
     def repeat(self) -> EncodedFrame:
         """An R-frame: nothing changes."""
-        return self._reconstructed(FrameCodes.repeated_frame(), self.before)
+        return self._reconstructed(FrameCodes.repeated_frame(), self.state_before)
 
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame."""
-        goal, total = self.settings.psnr, self.encoder.total
+        goal, splats = self.settings.psnr, self.encoder.intra_splats
         if reason is not None:
             self.log.add("frames", f"an I-frame: {reason}", done=True)
-        frame = self._coded_intra(self._fitted_intra(total)) if goal is None else self._held_intra(goal)
+        frame = self._coded_intra(self._fitted_intra(splats)) if goal is None else self._held_intra(goal)
         return replace(frame, iterations=self.iterations, reason=reason)
 
     def inter(self) -> EncodedFrame:
         """A P-frame; for a PSNR that it does not reach an I-frame, and an R-frame where nothing needs to change."""
         goal = self.settings.psnr
         if goal is None:
-            return self._coded_inter(self._fitted_inter(self.encoder.total))
+            return self._coded_inter(self._fitted_inter(self.encoder.intra_splats))
         if self.settings.effects.frames == "auto" and (repeated := self.repeat()).psnr >= goal:
-            self.log.add("frames", "the frame before has the quality", done=False, saved=self.settings.inter.iterations)
-            return replace(repeated, decisions=self.log.decisions)
+            reason = "the frame before has the quality"
+            self.log.add("frames", reason, done=False, saved=self.settings.inter.iterations)
+            return replace(repeated, decisions=self.log.decisions, reason=reason)
         frame = self._held_inter(goal)
         if is_missed(frame.psnr, goal, self.encoder.intra_psnr):
             self.log = FrameLog()
@@ -138,10 +140,11 @@ class _PaperFrame:
             fitted[total] = self._fitted_intra(total)
             return self._coded_intra(fitted[total])
 
-        encoder.total, frame = fewest_splats(tried, min(encoder.total, encoder.most), encoder.most, goal)
+        first = min(encoder.intra_splats, encoder.most)
+        encoder.intra_splats, frame = fewest_splats(tried, first, encoder.most, goal)
         if frame.psnr - goal <= ENOUGH:
             return frame
-        parameters = fitted[encoder.total].parameters()
+        parameters = fitted[encoder.intra_splats].parameters()
         weakest = np.argsort(visibility(parameters), kind="stable")
 
         def without(count: int) -> EncodedFrame:
@@ -157,7 +160,7 @@ class _PaperFrame:
             fitted[total] = self._fitted_inter(total)
             return self._coded_inter(fitted[total])
 
-        total, frame = fewest_splats(tried, min(len(self.before.splats), encoder.most), encoder.most, goal)
+        total, frame = fewest_splats(tried, min(len(self.state_before.splats), encoder.most), encoder.most, goal)
         if self.settings.inter.quantizer.static_threshold == 0:
             return frame
         return coarser(lambda scale: self._coded_inter(fitted[total], scale), frame, goal)
@@ -186,9 +189,9 @@ class _PaperFrame:
         self.rng = np.random.default_rng([self.settings.seed, self.number])
         settings = self.settings.inter.fit
         with self.seconds.timed("start"):
-            before = self.encoder.picture if self.settings.effects.motion == "auto" else None
+            picture_before = self.encoder.picture_before if self.settings.effects.motion == "auto" else None
             parameters, predicted = moved_along_flow(
-                self.before.splats.to_array(), before, self.picture, self.objective, self.log
+                self.state_before.splats.to_array(), picture_before, self.picture, self.objective, self.log
             )
             old, drop = len(parameters), min(self.encoder.last_psnr, BEST) - predicted
             new, removed = exchange_counts(self.settings, old, total, self.encoder.most, drop, self.log)
@@ -232,22 +235,28 @@ class _PaperFrame:
     # ---- fine-tune and reconstruct ----
     def _coded_intra(self, population: Population) -> EncodedFrame:
         """The I-frame of fitted splats."""
-        return self._fine_tuned(population, self.settings.intra, self.settings.inter.quantizer, self.before.forget())
+        return self._fine_tuned(
+            population, self.settings.intra, self.settings.inter.quantizer, self.state_before.forget()
+        )
 
     def _coded_inter(self, population: Population, scale: float = 1.0) -> EncodedFrame:
         """The P-frame of fitted splats; a change must be worth `scale` times what the settings say."""
-        inter = self.settings.inter
-        least = 0.0 if self.settings.effects.regions == "all" else scale * inter.quantizer.static_threshold
+        inter, least = self.settings.inter, 0.0
+        if self.settings.effects.regions == "all":
+            self.log.add("regions", "asked for", done=True)
+        else:
+            self.log.add("regions", "what changes too little to be seen stays as it is", done=False)
+            least = scale * inter.quantizer.static_threshold
         quantizer = inter.quantizer.with_(static_threshold=min(least, MOST_THRESHOLD))
-        return self._fine_tuned(population, inter, quantizer, self.before)
+        return self._fine_tuned(population, inter, quantizer, self.state_before)
 
     def _fine_tuned(
-        self, population: Population, settings: FrameSettings, inter: BlockSettings, before: State
+        self, population: Population, settings: FrameSettings, inter: BlockSettings, state_before: State
     ) -> EncodedFrame:
         """The frame of fitted splats after quantisation-aware fine-tuning, with `inter` for differences."""
         with self.seconds.timed("quantize"):
             intra = self._intra_quantizer(int(np.count_nonzero(population.origins == NEW)))
-            quantizer = FrameQuantizer(population, self.objective, intra, inter, before, self.rng)
+            quantizer = FrameQuantizer(population, self.objective, intra, inter, state_before, self.rng)
             codes, state, done = fine_tune(
                 population.parameters(), quantizer, self.objective, settings.tune, self._report("quantize")
             )

@@ -19,18 +19,18 @@ MOST_NEW: Final = 3.0
 
 def moved_along_flow(
     parameters: F4,  # (N, 8) f4, as decoded in the frame before
-    before: F4 | None,  # (H, W, 3) f4, the source of the frame before; None: motion is off
+    picture_before: F4 | None,  # (H, W, 3) f4, the source of the frame before; None: motion is off
     picture: F4,  # (H, W, 3) f4
     objective: Objective,
     log: FrameLog,
 ) -> tuple[F4, float]:
     """The splats along the optical flow, if that brings the picture closer, and the PSNR of the prediction in dB."""
     psnr_before = psnr_of_loss(objective.loss(parameters))
-    if before is None:
+    if picture_before is None:
         log.add("motion", OFF, done=False)
         return parameters, psnr_before
     moved = parameters.copy()
-    moved[:, :2] += estimated_motion(before, picture, parameters[:, :2])
+    moved[:, :2] += estimated_motion(picture_before, picture, parameters[:, :2])
     psnr_moved = psnr_of_loss(objective.loss(moved))
     if psnr_moved <= psnr_before:
         log.add("motion", "moving splats along the flow would not bring the prediction closer", done=True)
@@ -78,11 +78,7 @@ def _added(settings: PaperSettings, total: int, drop: float, log: FrameLog) -> i
 
 
 def _log_exchange(settings: PaperSettings, new: int, removed: int, log: FrameLog) -> None:
-    """Log how many splats come and go, and which changes are coded."""
-    if settings.effects.regions == "all":
-        log.add("regions", "asked for", done=True)
-    else:
-        log.add("regions", "what changes too little to be seen stays as it is", done=False)
+    """Log how many splats come and go."""
     if settings.effects.gsa == "all" and not new:
         log.add("gsa", "no room for more splats without pruning", done=False)
     if settings.effects.gsp == "off":

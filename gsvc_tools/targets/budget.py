@@ -164,12 +164,12 @@ class BudgetCoder:
         room = max(CLOSE_SIZE * plan.bits, SLACK * (plan.bits - goal))
 
         def with_splats(octave: float) -> float:
-            self._coder.total = min(max(1, round(_power_of_two(octave))), self._most)
-            return float(log2(self._coder.total))
+            self._coder.intra_splats = min(max(1, round(_power_of_two(octave))), self._most)
+            return float(log2(self._coder.intra_splats))
 
         first = float(log2(plan.splats))
         encoded, bits, _ = self._nearest(frame, goal, room, with_splats, first, USUAL.intra, GROUP_TRIES)
-        self._base = self._coder.quantizer if isinstance(self._coder, MainFrameEncoder) else self._coder.total
+        self._base = self._coder.quantizer if isinstance(self._coder, MainFrameEncoder) else self._coder.intra_splats
         return encoded, bits
 
     def _inter(self, plan: GroupPlan, place: int, *frame: Any) -> tuple[EncodedFrame, float]:
@@ -195,8 +195,8 @@ class BudgetCoder:
             self._coder.quantizer = min(max(self._base - whole, 0), QUANTIZERS - 1)
             return float(self._base - self._coder.quantizer)
         octaves = min(max(change, -MOST_OCTAVES), MOST_OCTAVES)
-        self._coder.total = min(max(1, round(self._base * _power_of_two(octaves))), self._most)
-        return float(log2(self._coder.total / self._base))
+        self._coder.intra_splats = min(max(1, round(self._base * _power_of_two(octaves))), self._most)
+        return float(log2(self._coder.intra_splats / self._base))
 
     def _nearest(
         self,

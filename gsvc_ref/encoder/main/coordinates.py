@@ -60,7 +60,7 @@ _EXP: Final = tuple(1 / math.factorial(n) for n in range(13, -1, -1))
 _LOG: Final = tuple(2 / (2 * n + 1) for n in range(11, -1, -1))
 
 
-def energies(z: F8) -> F8:
+def squared_energies(z: F8) -> F8:
     """E^2 of each splat, (N,)."""
     return np.asarray((z[:, 5] * z[:, 5] + z[:, 6] * z[:, 6]) + z[:, 7] * z[:, 7])
 
@@ -91,7 +91,7 @@ def log_kernel(x: float) -> float:
 
 
 @kernel(inline=True)
-def energy(z: F8) -> float:
+def squared_energy(z: F8) -> float:
     """E^2 of a splat (8,)."""
     return float((z[5] * z[5] + z[6] * z[6]) + z[7] * z[7])
 
@@ -187,7 +187,7 @@ def moved(z: F8, step: F8) -> F8:
 def units(z: F8, D: float) -> F8:
     """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
     out = np.full(z.shape, D)
-    relative = D / np.maximum(np.sqrt(energies(z)), LEAST_ENERGY * D)
+    relative = D / np.maximum(np.sqrt(squared_energies(z)), LEAST_ENERGY * D)
     out[:, :4] = (ROOT2 * relative)[:, None]
     out[:, 4] = 2 * relative
     return out

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.encoder.main.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, energy, exp_kernel, moved
+from gsvc_ref.encoder.main.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, exp_kernel, moved, squared_energy
 
 MEMORY: Final = 8  # pairs of steps and changes of the gradient that are kept
 
@@ -142,7 +142,7 @@ def _dot(a: F8, b: F8) -> float:
 def _inverse_metric(z: F8, g: F8, D: float, scale: float, out: F8) -> None:
     """Out = scale (2 metric)^-1 g, by (u, v, m, r, s, n)."""
     for i in range(len(z)):
-        f = scale / max(energy(z[i]), LEAST_ENERGY * LEAST_ENERGY * D * D)
+        f = scale / max(squared_energy(z[i]), LEAST_ENERGY * LEAST_ENERGY * D * D)
         for k in range(4):
             out[i, k] = f * g[i, k]
         out[i, 4] = 2 * f * g[i, 4]

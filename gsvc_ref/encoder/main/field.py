@@ -76,10 +76,10 @@ def best_field(
     settings: InterSettings,
     D: float,
 ) -> Field:
-    """The field with the least squared error plus price times bits, of none and those with cells of `settings`.
+    """The field of least cost, of none and those with cells of `settings`: `cell_gain` * N * log2(error) + bits.
 
-    Fields of different cells are compared by the logarithm of the error: later steps take back most of a large error
-    for few bits. Where smaller cells are worth no more than those before, still smaller ones are not tried.
+    The cost has the logarithm of the squared error since later steps take back most of a large one for few bits.
+    BIT_PRICE acts only in `choose`, among fields of one cell. Where smaller cells cost more, the search ends.
 
     `reference` (N, 8) f4 are the splats before they move, `pictures` (H, W, 3) f4 the frame before and the new one, and
     `previous` is the field of the frame before.
@@ -87,7 +87,7 @@ def best_field(
     search = _Search(objective, reference, BIT_PRICE * D * D)
     worth = settings.cell_gain * len(reference)
     best = Field(0, np.zeros((0, 0, 2), np.int64), search.error_of_none)
-    least, coarser = worth * float(log2(max(best.error, 1.0))), math.inf
+    least_cost, coarser_cost = worth * float(log2(max(best.error, 1.0))), math.inf
     vectors, coarse_cell = np.zeros((0, 0, 2)), 0
     for cell in settings.cells:
         rows, columns = field_shape(objective.width, objective.height, cell)
@@ -99,12 +99,12 @@ def best_field(
         vectors, coarse_cell = search.descend(cell, vectors, settings.motion_steps), cell
         former = previous.vectors if previous and previous.cell == cell else np.zeros(vectors.shape, np.int64)
         found = search.choose(cell, vectors, former, settings.motion_rounds)
-        bits = worth * float(log2(max(found.error, 1.0))) + bits_of_field(found.vectors, VECTOR_BITS)
-        if bits < least:
-            best, least = found, bits
-        if bits > coarser:
+        cost = worth * float(log2(max(found.error, 1.0))) + bits_of_field(found.vectors, VECTOR_BITS)
+        if cost < least_cost:
+            best, least_cost = found, cost
+        if cost > coarser_cost:
             break
-        coarser = bits
+        coarser_cost = cost
     return best
 
 

@@ -5,7 +5,8 @@ What is asked for decides N and D, the splats and the step of a frame:
 - At constant rate, an I-frame has N splats, and `quantizer_for` says which D goes with them.
 - With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
-  that reaches it. If none does, the frame becomes an I-frame, as long as I-frames reach it.
+  that reaches it; if none does, the frame becomes an I-frame. Where I-frames miss it as well, it becomes one only if it
+  would be MOST_DROP (1 dB) below the last I-frame (`is_missed`).
 
 In the first two P-frames have the D of their I-frame; at constant rate it becomes finer where P-frames sink (`drift`).
 """
@@ -55,10 +56,8 @@ D_TRIES: Final = 3  # constant quality: the most values of D that are tried for 
 P_TRIES: Final = 8  # the most that are tried for a P-frame
 MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
 
-FALLEN_DB: Final = 1.0
-PASS_GAIN: Final = 0.3
-"""Where the source stays the same, a P-frame that is the first number of dB below its I-frame is worked on again, as
-long as each pass gains the second."""
+FALLEN_DB: Final = 1.0  # where the source stays equal, a P-frame this far below its I-frame is worked on again
+PASS_GAIN: Final = 0.3  # each further pass follows only if the last one gained more than this many dB
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,8 @@ class MainFrameEncoder:
         self.settings, self.bit_depth = settings, bit_depth
         self.state = MainState.initial(width, height)  # the decoder's, after the frames so far
         # The splats that an I-frame begins its search with, the most it may be given, and the most a frame may count.
-        self.total, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
+        # The first is N until an I-frame with a quality or PSNR to hold, `decide`, or a search for a size sets it.
+        self.intra_splats, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = settings.inter  # with the effects that are switched on
@@ -91,15 +91,15 @@ class MainFrameEncoder:
             self.inter = replace(self.inter, new_share=0.0)
         self.field: Field | None = None  # of the frame before, if that is a P-frame
         self.quantizer = 0  # that of the next P-frame, or the first that is tried for it
-        self.intra_bits = 0  # of the last I-frame: with a PSNR to hold, a P-frame that misses it with more is given up
-        self.before: F4 | None = None  # (H, W, 3), the source of the frame before
+        self.intra_bits = 0  # of the last I-frame: a P-frame that misses a PSNR with more ends the search over D
+        self.picture_before: F4 | None = None  # (H, W, 3), the source of the frame before
         self.intra_psnr, self.last_psnr = 0.0, 0.0  # of the last I-frame and of the last frame, in dB
         # Whether the frame before is worse than its I-frame and was still becoming better, so that another pass over it
         # is worth it if the source stays the same.
         self.is_catching_up = False
         # Of a layer: the splats of the base and the layers below it in the next frame, and those of the layers above it
         # in the frame before. A P-frame is fitted to the picture with them all, those above moved by the optical flow,
-        # so that what they stand on goes where they will go.
+        # so that this layer moves with those above it.
         self.below, self.above = Splats.empty(), Splats.empty()
         self.corrects_drift = corrects_drift and settings.psnr is None and settings.quality is None
         self._drift = Drift(settings.inter.fall, 0)
@@ -116,32 +116,32 @@ class MainFrameEncoder:
 
     def decided(self) -> tuple[int, ...]:
         """The number of splats from which each I-frame begins its search."""
-        return (self.total,)
+        return (self.intra_splats,)
 
     def decide(self, decided: tuple[int, ...]) -> None:
         """Take what the first frame of the stream has decided, as `decided` said it."""
-        (total,) = decided
-        self.total = min(max(1, total), self.most)
+        (splats,) = decided
+        self.intra_splats = min(max(1, splats), self.most)
 
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
         state = self.state
         other = type(self)(self.settings, state.width, state.height, self.bit_depth, corrects_drift=self.corrects_drift)
-        other.total, other.most, other.room = self.total, self.most, self.room
+        other.intra_splats, other.most, other.room = self.intra_splats, self.most, self.room
         return other
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
-        work = _FrameWork(self, frame, number, progress)
+        work = _MainFrame(self, frame, number, progress)
         is_equal = frame_type == "R"
         is_again = is_equal and self.is_catching_up
         if is_again:
             frame_type = "P"
-        result = {"I": work.intra, "P": work.predicted, "R": work.repeated}[frame_type]()
+        result = {"I": work.intra, "P": work.inter, "R": work.repeat}[frame_type]()
         if is_again:
             result = worked_on_again(result)
         assert isinstance(result.state, MainState)
-        self.state, self.before = result.state, work.picture
+        self.state, self.picture_before = result.state, work.picture
         self._remember(result, is_equal)
         return result
 
@@ -158,13 +158,12 @@ class MainFrameEncoder:
         self.last_psnr = result.psnr
 
 
-class _FrameWork:
+class _MainFrame:
     """The work on one frame: what its steps share, and the time that each takes."""
 
     def __init__(self, encoder: MainFrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
         self.encoder, self.settings, self.frame = encoder, encoder.settings, frame
-        self.number = number
-        self.progress = progress
+        self.number, self.progress = number, progress
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
         self.seconds = StageSeconds()
@@ -178,15 +177,14 @@ class _FrameWork:
         watch = self._watch(intra_evaluations(settings.intra))
         return Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
 
-    def repeated(self, why: str | None = None) -> EncodedFrame:
-        """An R-frame: nothing changes."""
-        before = self.encoder.state
-        if why is not None:
-            self.log.add("frames", why, done=False)
+    def repeat(self, reason: str | None = None) -> EncodedFrame:
+        """An R-frame: nothing changes; `reason` is why a P-frame became one, None where it was to be one."""
+        codes, state = MainCodes.repeated_frame(), self.encoder.state
+        if reason is not None:
+            self.log.add("frames", reason, done=False)
         with self.seconds.timed("check"):
-            achieved = self._psnr_of(before)
-        codes = MainCodes.repeated_frame()
-        return EncodedFrame(codes, before, achieved, self.iterations, self.seconds, self.log.decisions)
+            achieved = self._psnr_of(state)
+        return EncodedFrame(codes, state, achieved, self.iterations, self.seconds, self.log.decisions, reason)
 
     def intra(self, reason: str | None = None) -> EncodedFrame:
         """An I-frame; `reason` is why a P-frame became one, None where it was to be one."""
@@ -197,39 +195,39 @@ class _FrameWork:
             else:
                 quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
                 if quantizer is not None and settings.splats is None:
-                    encoder.total = splats_for(
-                        self.target, quantizer, self._rng(), settings.intra, encoder.total, encoder.most
+                    encoder.intra_splats = splats_for(
+                        self.target, quantizer, self._rng(), settings.intra, encoder.intra_splats, encoder.most
                     )
-                coded = self._searched(encoder.total, quantizer)
+                coded = self._coded_intra(encoder.intra_splats, quantizer)
         if settings.psnr is not None:
-            encoder.total = max(1, len(coded.state.values))
+            encoder.intra_splats = max(1, len(coded.state.values))
             encoder.intra_bits = coded.bits
         self.log.add("gsp", f"the {len(coded.state.values):,} splats that are worth their bits stay", done=True)
         if reason is not None:
             self.log.add("frames", f"an I-frame: {reason}", done=True)
         return self._finished(coded, reason)
 
-    def predicted(self) -> EncodedFrame:
+    def inter(self) -> EncodedFrame:
         """A P-frame, or an I- or R-frame where that is better."""
-        encoder, settings, reference = self.encoder, self.settings, self.encoder.state
-        if len(reference.values) == 0:
+        encoder, settings, state_before = self.encoder, self.settings, self.encoder.state
+        if len(state_before.values) == 0:
             return self.intra("the frame before has no splats")
         with self.seconds.timed("inter"):
             coded = (
-                self._inter(encoder.quantizer)
+                self._coded_inter(encoder.quantizer)
                 if settings.psnr is None
-                else coarsest(self._inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
+                else coarsest(self._coded_inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
             )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
         if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.intra_psnr):
             return self.intra("a P-frame does not reach the quality")
-        if settings.effects.frames == "auto" and np.array_equal(coded.state.values, reference.values):
-            return self.repeated("no splat changes, so the frame before is repeated")
+        if settings.effects.frames == "auto" and np.array_equal(coded.state.values, state_before.values):
+            return self.repeat("no splat changes, so the frame before is repeated")
         self._log_inter(coded.codes)
         return self._finished(coded)
 
-    def _searched(self, splats: int, quantizer: int | None) -> _Coded:
+    def _coded_intra(self, splats: int, quantizer: int | None) -> _Coded:
         """An I-frame of about this number of splats."""
         return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.intra))
 
@@ -244,7 +242,7 @@ class _FrameWork:
         coarser.
         """
         encoder = self.encoder
-        number, whole = fewest_splats(lambda n: self._searched(n, None), encoder.total, encoder.most, goal)
+        number, whole = fewest_splats(lambda n: self._coded_intra(n, None), encoder.intra_splats, encoder.most, goal)
         if not whole.psnr - goal > ENOUGH:
             return whole
         best = self._thinned(whole, goal)
@@ -253,8 +251,8 @@ class _FrameWork:
         steps = max(1, round((whole.psnr - goal) / DB_PER_STEP))
         first = min(whole.codes.quantizer + steps, QUANTIZERS - 1)
         tries = {whole.codes.quantizer: whole}
-        by_step = partial(self._searched, number)
-        return self._thinned(coarsest(by_step, first, goal, D_TRIES, encoder.intra_bits, tries), goal)
+        by_step = partial(self._coded_intra, number)
+        return self._thinned(coarsest(by_step, first, goal, D_TRIES, tried=tries), goal)
 
     def _thinned(self, coded: _Coded, goal: float) -> _Coded:
         """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
@@ -268,28 +266,28 @@ class _FrameWork:
 
         return most_spared(without, coded, len(weakest), goal)
 
-    def _inter(self, quantizer: int) -> _Coded:
+    def _coded_inter(self, quantizer: int) -> _Coded:
         """A P-frame with a quantizer."""
         encoder, settings = self.encoder, self.settings
-        assert encoder.before is not None
+        assert encoder.picture_before is not None
         above = encoder.above.to_array()
         if len(above) and settings.effects.motion != "off":
-            above[:, :2] += estimated_motion(encoder.before, self.picture, above[:, :2])
+            above[:, :2] += estimated_motion(encoder.picture_before, self.picture, above[:, :2])
         beside = np.concatenate([encoder.below.to_array(), above])
         splats = len(encoder.state.values) + len(beside)
         watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         frame = PFrame(
-            encoder.state, objective, sampled, encoder.before, self.picture, quantizer, encoder.total, encoder.field
-        )
+            encoder.state, objective, sampled, encoder.picture_before, self.picture, quantizer, encoder.intra_splats,
+            encoder.field,
+        )  # fmt: skip
         return self._decoded(*encode_inter(frame, encoder.inter))
 
     def _decoded(self, codes: MainCodes, field: Field | None = None) -> _Coded:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
-        before = self.encoder.state
-        body = Writer()
-        state = frame_body(body, codes.type, before, self.settings.lane_count, MAX_SPLATS, codes).after
+        body, state_before = Writer(), self.encoder.state
+        state = frame_body(body, codes.type, state_before, self.settings.lane_count, MAX_SPLATS, codes).after
         return _Coded(codes, state, min(self._psnr_of(state), MOST_PSNR), body.position, field)
 
     def _psnr_of(self, state: MainState) -> float:

@@ -50,18 +50,21 @@ LEAST_NEW_SIZE: Final = 0.5
 plane: below 0.4 px more than twice as much, so that taking it off the residual would make that larger."""
 
 PRICE: Final = 0.9  # what a group costs that has any difference, in 2 D^2
-FIRST_SHARE: Final = 0.3  # the price begins with this share of it
+FIRST_SHARE: Final = 0.3  # the price begins with this share of its final value
 
 LOOK: Final = 10
 """Every so often, in iterations, proximal descent asks which splats rest, and whether more iterations are worth it."""
 
 REST: Final = 0.25
-"""A splat rests if it has no difference, and its next step would have to have a squared length of more than this share
-of what it has to bring one about. Where little moves, descent takes half the time; on six clips the bits at equal PSNR
-stayed the same within what seeds scatter by, with shares of 0.25 and 0.5."""
+"""A splat rests if it has no difference and the squared length of its next step is below this share of what would give
+it one, in each group. Where little moves, descent takes half the time; on six clips the bits at equal PSNR stayed the
+same within what seeds scatter by, with shares of 0.25 and 0.5."""
 
 MOST_TIMES: Final = 6  # most iterations of proximal descent, in units of `InterSettings.iterations`
+ADDITION: Final = 3  # new splats come after 1/3 of the iterations: the residual then shows what old ones cannot mend
+PRUNING: Final = 2  # they go from 1/2 on: those that promise NEW_GAIN begin with 3 D, and need time for NEW_ENERGY
 PRUNING_INTERVAL: Final = 5  # distance in iterations of the times when weak new splats are dropped
+JUDGED: Final = 3  # the last 1/3 of the iterations with rounding sees all pixels: the best of them is kept
 ROUNDING_OFFSET: Final = 0.4  # differences are rounded away from 0 from 1 - offset on
 
 
@@ -72,10 +75,10 @@ class PFrame:
     state: MainState  # the decoder's, after the frame before
     objective: Objective  # of all pixels of the new picture
     sampled: SampledObjective  # of a lattice of its pixels in each turn
-    before: F4  # (H, W, 3), where the optical flow begins: the source of the frame before, or its decoded picture
-    after: F4  # (H, W, 3), the new source
+    picture_before: F4  # (H, W, 3), where the optical flow begins: the source of the frame before
+    picture: F4  # (H, W, 3), the new source
     quantizer: int
-    total: int  # the clip's number of splats, of which new ones are a share
+    intra_splats: int  # the number of splats of an I-frame, of which new ones are a share
     previous: Field | None = None  # that of the frame before, if that is a P-frame
 
     @property
@@ -87,7 +90,7 @@ class PFrame:
 def encode_inter(frame: PFrame, settings: InterSettings) -> tuple[MainCodes, Field]:
     """The codes of a P-frame, and its field, which may come close to that of the next one."""
     state = frame.state
-    reference, pictures = state.splats.to_array(), (frame.before, frame.after)
+    reference, pictures = state.splats.to_array(), (frame.picture_before, frame.picture)
     field = best_field(frame.sampled, reference, pictures, frame.previous, settings, frame.step / 16)
     q, removed, new = _Updates(frame, field_motion(state.values, field.vectors, field.cell), settings).codes()
     new = new.take(cell_order(new.cells, state.width, state.height))
@@ -123,9 +126,9 @@ class _Updates:
         s = self.settings
         losses: list[float] = []
         for iteration in range(MOST_TIMES * s.iterations):
-            if iteration == s.iterations // 3:
+            if iteration == s.iterations // ADDITION:
                 self._add()
-            if iteration > s.iterations // 2 and iteration % PRUNING_INTERVAL == 0:
+            if iteration > s.iterations // PRUNING and iteration % PRUNING_INTERVAL == 0:
                 self.new.keep(NEW_ENERGY)
             losses.append(self._descend(iteration, PRICE * min(1.0, FIRST_SHARE + iteration / s.iterations)))
             if len(losses) >= s.iterations and len(losses) % LOOK == 0:
@@ -151,7 +154,7 @@ class _Updates:
 
     def _add(self) -> None:
         """New splats where the picture of the parameters is wrong."""
-        total, objective = self.frame.total, self.frame.objective
+        total, objective = self.frame.intra_splats, self.frame.objective
         objective.loss(self.at.parameters, drawn=True)
         mean = math.sqrt(self.width * self.height / max(total, 1))
         sizes = tuple(max(share * mean, LEAST_NEW_SIZE) for share in NEW_SIZES)
@@ -200,11 +203,12 @@ class _Updates:
         self._rest(np.asarray((~mask).all(axis=1)), *objectives)
         least = math.inf
         for iteration in range(last + 1):
-            if iteration % PRUNING_INTERVAL == 0 and 3 * iteration <= 2 * last:
+            left = last - iteration
+            if iteration % PRUNING_INTERVAL == 0 and JUDGED * left >= last:
                 self.new.keep(NEW_ENERGY)
             codes = nearest_codes(self.new.z, step, self.width, self.height, limits)
             drawn = parameters_of(intra_state(codes, step))
-            is_near_end = 3 * iteration >= 2 * last
+            is_near_end = JUDGED * left <= last
             loss, gradient, of_new = self._evaluate(drawn, None if is_near_end else iteration)
             if is_near_end and loss < least:
                 least, best, new = loss, at.y.astype(np.int64), codes

@@ -19,7 +19,7 @@ from gsvc_base.arrays import F4, F8
 from gsvc_base.portable import power
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.codes import nearest_codes
-from gsvc_ref.encoder.main.coordinates import energies, energy, log_kernel, to_parameters
+from gsvc_ref.encoder.main.coordinates import log_kernel, squared_energies, squared_energy, to_parameters
 from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.fitter import descend, fit
@@ -52,7 +52,7 @@ STEPS_PER_DOUBLING: Final = 7.0
 """By how many eighths of an octave D falls with twice the splats; measured on four pictures, 5 to 11."""
 
 SURPLUS: Final = 1.2  # splats that are fitted for each one that is asked for
-REMOVALS: Final = (0.6, 0.8, 0.95)  # at which parts of the refinement weak splats are removed, beside its end
+REMOVALS: Final = (0.6, 0.8, 0.95)  # at which shares of the refinement weak splats are removed, beside its end
 REMOVED_ENERGY: Final = 1.5  # of a weak splat at most, in D
 MOVED_SHARE: Final = 0.04  # where splats move, at least this share of all does
 PARTS: Final = (0.3, 0.25, 0.2, 0.15, 0.1)  # the shares of the splats that are rounded one after the other
@@ -101,7 +101,7 @@ def quantizer_for(z: F8) -> int:
     """
     if len(z) == 0:
         return MIDDLE_QUANTIZER
-    median = math.sqrt(float(np.sort(energies(z))[len(z) // 2]))
+    median = math.sqrt(float(np.sort(squared_energies(z))[len(z) // 2]))
     steps = np.array([step_of(quantizer) for quantizer in range(QUANTIZERS)])
     return int(np.argmin(np.abs(steps - 16 * median / MEDIAN_ENERGY)))
 
@@ -124,14 +124,14 @@ def refine(target: Target, z: F8, D: float, rng: Generator, settings: IntraSetti
     """Coordinates (N, 8) after descent from z (N, 8) with the term of the bits at a step D; the weakest move or go."""
     least = REMOVED_ENERGY * REMOVED_ENERGY * D * D
     done, walk = 0, Walk(len(z), D)
-    for part in sorted({*settings.moves, *REMOVALS, 1.0}):
-        stop = int(settings.refinement * part)
+    for share in sorted({*settings.moves, *REMOVALS, 1.0}):
+        stop = int(settings.refinement * share)
         z = descend(target, z, walk, stop - done, partial(add_bits, D))
         done = stop
-        weak, total = int(np.count_nonzero(energies(z) <= least)), len(z)
-        moves = part in settings.moves
+        weak, total = int(np.count_nonzero(squared_energies(z) <= least)), len(z)
+        moves = share in settings.moves
         count = max(weak, int(MOVED_SHARE * total)) if moves else weak
-        kept = np.sort(np.argsort(energies(z), kind="stable")[count:])
+        kept = np.sort(np.argsort(squared_energies(z), kind="stable")[count:])
         z = z[kept]
         walk.take(kept)
         if moves and count:
@@ -169,7 +169,7 @@ def add_bits(D: float, z: F8, gradient: F8) -> float:
     """The term of the bits, W D^2 / 2 ln((E^2 + D^2) / D^2) of all splats; its gradient is added to another (N, 8)."""
     d2, total = D * D, 0.0
     for i in range(len(z)):
-        e2 = energy(z[i])
+        e2 = squared_energy(z[i])
         for k in range(5, 8):
             gradient[i, k] += BITS_WEIGHT * d2 / (e2 + d2) * z[i, k]
         total += log_kernel((e2 + d2) / d2)

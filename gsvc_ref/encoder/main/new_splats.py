@@ -18,7 +18,7 @@ from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.portable import exp, log
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main import coordinates
-from gsvc_ref.encoder.main.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, ROOT2, energies, exp_kernel
+from gsvc_ref.encoder.main.coordinates import PER_ROOT2, PER_ROOT3, PER_ROOT6, ROOT2, exp_kernel, squared_energies
 from gsvc_ref.encoder.main.fitter import keep_inside
 from gsvc_ref.rendering.fast.threads import run_tasks
 
@@ -110,7 +110,7 @@ class NewSplats:
 
     def keep(self, least: float) -> None:
         """Drop the splats whose energy is below `least` times D."""
-        kept = energies(self.z) >= (least * self._D) * (least * self._D)
+        kept = squared_energies(self.z) >= (least * self._D) * (least * self._D)
         self.z, self._first, self._second = self.z[kept], self._first[kept], self._second[kept]
 
 

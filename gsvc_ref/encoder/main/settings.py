@@ -9,7 +9,7 @@ from gsvc_ref.main.codes import SIDES
 
 @dataclass(frozen=True)
 class IntraSettings:
-    """How long an I-frame is searched for."""
+    """How long an I-frame is searched for: its stages are counted in evaluations."""
 
     initialization: int = 100
     """Evaluations while splats are added, beside one for each addition, and until they have found their places."""
@@ -18,7 +18,7 @@ class IntraSettings:
     rounding: int = 8
     """Evaluations before the first part of the splats is rounded and after each but the last."""
     moves: tuple[float, ...] = ()
-    """At which parts of the refinement, in 0..1, the weakest splats move to where the picture is worst."""
+    """At which shares of the refinement, in 0..1, the weakest splats move to where the picture is worst."""
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -53,7 +53,7 @@ class InterSettings:
     """Proximal descent goes on as long as LOOK iterations take this share off the squared error. Splats that overlap
     need more of them: on 6 frames of `bikes`, 256x176, 108 in place of 50 gave 1.4 dB and took 10 % off the bits."""
     new_share: float = 0.1
-    """Most new splats of a frame, as a share of the clip's number."""
+    """Most new splats of a frame, as a share of those of an I-frame."""
     fall: float = 1.5
     """Constant rate: D becomes finer once a P-frame has this many dB less than the first one after its I-frame. What is
     not worth its bits adds up: without this, the last third of the 22 frames before the demo clip's cut was 2.1 dB
