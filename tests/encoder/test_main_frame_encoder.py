@@ -131,7 +131,8 @@ def test_a_frame_in_which_no_change_is_worth_its_bits_is_repeated():
     assert types(report) == "IR"
     first, second = decode(data)
     assert np.array_equal(first, second)
-    assert report.frames[1].decisions[0].reason == "no splat changes, so the frame before is repeated"
+    reason = "no splat changes, so the frame before is repeated"
+    assert report.frames[1].reason == report.frames[1].decisions[0].reason == reason
 
 
 def test_motion_and_new_splats_can_be_switched_off():
