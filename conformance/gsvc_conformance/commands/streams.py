@@ -101,10 +101,10 @@ def run(arguments: Namespace) -> int:
     UsageError
         No stream has what is asked for, or the folder is not empty.
     """
-    import_module("numba")  # if it is missing, this is said before any work
     from gsvc_conformance.streams import write_streams
     from gsvc_tools.cli.where import opened_workers
 
+    import_module("numba")  # if it is missing, this is said before any work
     wishes = wishes_of(arguments)
     with ProgressDisplay(quiet=arguments.quiet) as display, opened_workers(arguments.scheduler) as executor:
         display.status("getting ready; the first run compiles kernels, half a minute")
