@@ -389,12 +389,12 @@ class PaperSettings(Settings):
     def quick(cls, profile: str = "paper", **overrides: Any) -> "PaperSettings":
         """Preset `quick` of profile `paper`."""
         _of_profile("quick", profile, cls)
-        tune = FEW_STEPS.with_(rates=Rates(0.01, 0.005, 0.002))
+        tune = FEW_STEPS.with_(rates=Rates(0.01, 0.005, 0.001))
         intra = FrameSettings(
             fit=QuickFit(80),
-            tune=tune,
+            tune=tune.with_(iterations=45),
             quantizer=BlockSettings(
-                position_step=0.05,
+                position_step=0.07,
                 cholesky_bits=9,
                 colors=RvqSettings(codewords=(32, 32, 32)),
                 weigh_by_area=True,
@@ -412,7 +412,7 @@ class PaperSettings(Settings):
                 colors=RvqSettings(codewords=(8, 8), zero_codeword=True),
                 weigh_by_area=True,
                 quantizer_rate=0.0,
-                static_threshold=0.3,
+                static_threshold=0.4,
             ),
             new_fraction=0.03,
         )

@@ -81,7 +81,7 @@ def test_of_all_attempts_at_a_quality_the_best_is_kept(monkeypatch):
         return attempts[-1]
 
     monkeypatch.setattr(paper_module._PaperFrame, "_reconstructed", recording)
-    settings = paper_fast(iterations=30, psnr=24.0, cholesky_bits=2, color_stages=1, color_codewords=4)
+    settings = paper_fast(iterations=40, psnr=24.0, cholesky_bits=2, color_stages=1, color_codewords=4)
     report, data = encoded(waves(frames=1), settings)
     qualities = [attempt.psnr for attempt in attempts]
     assert qualities[-1] < max(qualities) < 24
