@@ -80,9 +80,13 @@ class Interrupts:
 
 
 def _untouched(frame: FrameType | None) -> bool:
-    """Whether one of UNTOUCHED is running."""
+    """Whether one of UNTOUCHED is running, or Numba is being loaded, of which a part would stay."""
     while frame is not None:
-        if frame.f_code.co_name in UNTOUCHED and frame.f_globals.get("__name__", "").startswith("llvmlite."):
+        module = frame.f_globals.get("__name__", "")
+        # Numba executes text while it is loaded. Python ends by SIGINT once an interrupt has left such an `exec`.
+        if frame.f_code.co_name == "<module>" and module.partition(".")[0] in ("numba", "llvmlite"):
+            return True
+        if frame.f_code.co_name in UNTOUCHED and module.startswith("llvmlite."):
             return True
         frame = frame.f_back
     return False
