@@ -77,7 +77,7 @@ class Settings:
         The coding tools of the stream: ``main`` (spec.md section 15), or ``paper``.
     """
 
-    KINDS: ClassVar[dict[str, "type[Settings]"]] = {}
+    BY_PROFILE: ClassVar[dict[str, "type[Settings]"]] = {}
     """The settings of each profile by its name: the classes that are derived from this one."""
     profile: ClassVar[ProfileName]
     PRESETS: ClassVar[tuple[str, ...]]
@@ -108,7 +108,7 @@ class Settings:
     paced: bool = False
 
     def __init_subclass__(cls) -> None:
-        Settings.KINDS[cls.profile] = cls
+        Settings.BY_PROFILE[cls.profile] = cls
 
     def __post_init__(self) -> None:
         check_types(self)
@@ -158,11 +158,11 @@ class Settings:
     @classmethod
     def _of_preset(cls, preset: str, profile: str) -> "type[Settings]":
         """The settings of a profile that has this preset."""
-        kind = Settings.KINDS.get(profile)
+        kind = Settings.BY_PROFILE.get(profile)
         if kind is None:
             raise UsageError(f"profile is {profile!r}; it must be 'main' or 'paper'")
         if preset not in kind.PRESETS:
-            (other,) = (name for name, one in Settings.KINDS.items() if preset in one.PRESETS)
+            (other,) = (name for name, one in Settings.BY_PROFILE.items() if preset in one.PRESETS)
             there = " and ".join(kind.PRESETS)
             raise UsageError(f"preset {preset} writes profile {other} only; of profile {profile} are {there}")
         return kind
@@ -182,7 +182,7 @@ class Settings:
             )
         names = self._names()
         for name in changes.keys() - set(names):
-            elsewhere = [kind for kind in Settings.KINDS.values() if name in kind._names()]
+            elsewhere = [kind for kind in Settings.BY_PROFILE.values() if name in kind._names()]
             if elsewhere and changes.pop(name) is not None:
                 raise UsageError(elsewhere[0].ELSEWHERE.format(name))
         if unknown := changes.keys() - set(names):
