@@ -27,9 +27,14 @@ from gsvc_conformance.vector import SUMS, VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.waivers import read_waivers
 
-DEEP = 3000
-"""Folders inside each other: longer than a path may be, and deeper than Python calls itself."""
-NESTING = "import os\nos.chdir({place!r})\nfor _ in range(%d):\n    os.mkdir('d')\n    os.chdir('d')\n" % DEEP
+NESTING = """
+import os
+os.chdir({place!r})
+for _ in range(1100):
+    os.mkdir("deep")
+    os.chdir("deep")
+"""
+"""Makes folders inside each other: their path is longer than a path may be, and deeper than Python calls itself."""
 
 
 def nested(place):
@@ -48,10 +53,8 @@ def test_an_implementation_that_nests_folders_costs_its_own_vectors_alone(folder
     """It ended the run with a fault, without a file of results, and left its folder behind."""
     (tmp_path / "tmp").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "tmp"))
-    text = (
-        f"import sys\nif sys.argv[1] == 'halve':\n    place = sys.argv[3]\n    exec({NESTING!r}.format(place=place))\n"
-    )
-    command = write_program(tmp_path, f"{text}sys.exit(77 if sys.argv[1] != 'halve' else 0)\n")
+    text = f"import sys\nif sys.argv[1] != 'halve':\n    sys.exit(77)\nexec({NESTING!r}.format(place=sys.argv[3]))\n"
+    command = write_program(tmp_path, text)
     report, page = tmp_path / "report.json", tmp_path / "page.html"
     words = ["--vectors", str(folder), "--quiet", "--json", str(report), "--html", str(page)]
     assert main(["run", "--impl", command, *words]) == 1
@@ -187,7 +190,7 @@ def test_a_damaged_archive_is_refused(folder, tmp_path, capsys):
     data = path.read_bytes()
     path.write_bytes(data.replace(b"NUMPY", b"MUMPY"))
     said = refused(capsys, "run", "--vectors", path, "--impl", "true", "--case", "*/by_two")
-    assert "values.npy of" in said
+    assert "core/scale/by_two/" in said
     assert "cannot be read (Bad CRC-32" in said
 
 
@@ -209,7 +212,7 @@ CHANGES = {
     ),
     "a type with commas": (lambda m: m["outputs"]["scaled"].update(dtype="f8,("), ""),
     "a number of 400 digits": (lambda m: m.update(level=10**400), "level of manifest.json is 10"),
-    "an output that is a list": (lambda m: m["outputs"].update(scaled=[]), "the output 'scaled' of manifest.json is []"),
+    "an output that is a list": (lambda m: m["outputs"].update(scaled=[]), "output 'scaled' of manifest.json is []"),
 }  # fmt: skip
 
 
@@ -235,7 +238,7 @@ def test_a_folder_of_vectors_is_read_as_deep_as_vectors_stand(folder, capsys):
     nested(folder)
     assert sum(name.endswith("manifest.json") for name in Folder(folder)) == len(INPUTS)
     assert main(["sets", "--vectors", str(folder)]) == 0
-    scratch.remove(folder / "d")
+    scratch.remove(folder / "deep")
 
 
 def test_the_limits_are_far_above_the_largest_vector():
@@ -282,9 +285,8 @@ def test_toml_of_a_hostile_form_is_refused_at_once(tmp_path, reader, text, words
 def test_dots_in_texts_and_comments_are_no_parts_of_keys(tmp_path):
     dots = "." * (MAX_DOTS + 1)
     path = tmp_path / "x.toml"
-    path.write_text(
-        f'a = "{dots}" # {dots}\nb = \'{dots}\'\nc = """{dots}"\\"{dots}"""\nd = \'\'\'{dots}\'{dots}\'\'\''
-    )
+    lines = [f'a = "{dots}" # {dots}', f"b = '{dots}'", f'c = """{dots}"{dots}"""', f"d = '''{dots}'{dots}'''"]
+    path.write_text("\n".join(lines))
     assert len(read_toml(path)) == 4
 
 
@@ -301,7 +303,7 @@ def test_many_globs_are_each_compiled_once_and_tried_where_they_may_match(tmp_pa
     waivers = read_waivers(path)
     assert waivers.reasons(names) == dict.fromkeys(chosen, "x")
     sentences = waivers.stale([], names)
-    assert len(compiled) == len(set(compiled)) < 100
+    assert len(compiled) == len(set(compiled)) < 200
     assert sentences[-1] == "9,990 other ids or globs of waivers match no vector: take them out"
     assert len(sentences) == 11
 
