@@ -103,7 +103,10 @@ globalThis.GSVC ??= {};
     alphas.forEach((alpha, halving) => {
       const axis = halving % 2;
       if (axis === 0) size /= 2;
-      const seconds = origins[axis].map((origin) => Math.min(size, inside[axis] - origin - size));
+      const seconds = new Int32Array(counts.length);
+      for (let part = 0; part < seconds.length; part++) {
+        seconds[part] = Math.min(size, inside[axis] - origins[axis][part] - size);
+      }
       const first = run.halves(counts, size, seconds, alpha);
       const most = Math.min(2 * counts.length, count);
       const halves = new Int32Array(most);

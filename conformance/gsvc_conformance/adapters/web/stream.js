@@ -197,7 +197,7 @@ globalThis.GSVC ??= {};
     const none = new Float32Array(0);
     const old = frame.inter ? reconstructInter(width, height, reference, frame.survivors, frame.inter) : none;
     const added = frame.intra ? reconstructIntra(width, height, frame.intra) : none;
-    if (old.length === 0) return added;
+    if (old.length === 0 || added.length === 0) return old.length === 0 ? added : old;
     const parameters = new Float32Array(old.length + added.length);
     parameters.set(old);
     parameters.set(added, old.length);
