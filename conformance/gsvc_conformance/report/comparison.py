@@ -11,9 +11,19 @@ from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.reading import read_json
 from gsvc_conformance.report.console import conclusion, ratio_text
 from gsvc_conformance.results import Report, Summary
+from gsvc_conformance.schema import LIST, NAMED_TEXTS, NEEDED, NUMBER, OBJECT, TEXT, Schema, checked, cut
 
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
+SPEEDS_FIELDS: Final[Schema] = {
+    "date": (TEXT, NEEDED), "machine": (NAMED_TEXTS, NEEDED), "works": (NAMED_TEXTS, NEEDED),
+    "implementations": (LIST, NEEDED),
+}  # fmt: skip
+MEASURED: Final[Schema] = {
+    "implementation": (TEXT, NEEDED), "settings": (OBJECT, NEEDED), "environment": (NAMED_TEXTS, NEEDED),
+    "seconds": (OBJECT, NEEDED),
+}  # fmt: skip
+"""The fields of that file that are read, and those of each implementation in it."""
 ALIKE: Final = ("vectors", "spec.md", "kit")
 """Entries of the environment that all reports of a comparison should share."""
 NOTHING, NOT_CLAIMED = "–", "not claimed"
@@ -63,10 +73,16 @@ def read_speeds(path: Path) -> dict[str, Any]:
         It is something else.
     """
     value = read_json(path)
-    parts = {"date", "machine", "works", "implementations"}
-    if not isinstance(value, dict) or value.get("form") != SPEEDS or not parts <= value.keys():
+    if not isinstance(value, dict) or value.get("form") != SPEEDS:
         raise UsageError(f"{path} has not the form {SPEEDS} that `python -m gsvc_lab.benchmarks.adapters` writes")
-    return value
+    found = checked(value, SPEEDS_FIELDS, str(path))
+    found["implementations"] = [
+        checked(one, MEASURED, f"an implementation of {path}") for one in found["implementations"]
+    ]
+    for one in found["implementations"]:
+        for work, times in one["seconds"].items():
+            one["seconds"][work] = checked(times, {"median": (NUMBER, NEEDED)}, f"{cut(work)} of {path}")
+    return found
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -19,7 +19,7 @@ from gsvc_ref.testing import (
     write_stream,
 )
 
-from . import other_mutations, other_targets, targets
+from . import kit_mutations, kit_targets, other_mutations, other_targets, targets
 from .recoding import plane_recoded
 from .stream_mutations import mutate_stream
 
@@ -104,6 +104,18 @@ TARGETS: Final[dict[str, Target]] = {
     "videos": Target(other_targets.videos, "videos", other_mutations.some_videos, other_mutations.mutate_video),
     "settings": Target(
         other_targets.settings, "settings", other_mutations.some_settings, other_mutations.mutate_settings
+    ),
+    "kit_reports": Target(kit_targets.reports, "kit_reports", kit_mutations.some_reports, kit_mutations.mutate_report),
+    "kit_speeds": Target(kit_targets.speeds, "kit_speeds", kit_mutations.some_speeds, kit_mutations.mutate_report),
+    "kit_tables": Target(kit_targets.tables, "kit_tables", kit_mutations.some_tables, kit_mutations.mutate_table),
+    "kit_vectors": Target(
+        kit_targets.archives, "kit_vectors", kit_mutations.some_vectors, kit_mutations.mutate_vectors
+    ),
+    "kit_answers": Target(
+        kit_targets.written_answers, "kit_answers", kit_mutations.some_answers, kit_mutations.mutate_answer
+    ),
+    "kit_servers": Target(
+        kit_targets.dialogues, "kit_servers", kit_mutations.some_dialogues, kit_mutations.mutate_dialogue
     ),
 }
 
