@@ -12,6 +12,7 @@ import time
 from contextlib import ExitStack, closing
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from gsvc_tools.viewing import pages
 from gsvc_tools.viewing import server as server_module
 from gsvc_tools.viewing.entrance import Entrance
 from gsvc_tools.viewing.pages import viewer_files
-from gsvc_tools.viewing.server import MOST_STRANGERS, Server, Viewing, parse_range, serving
+from gsvc_tools.viewing.server import MOST_STRANGERS, STRANGER_S, Server, Viewing, parse_range, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import SENT_AT_ONCE, GrowingFile, Pipe, WholeFile, is_end, read_to_end_chunk
 
@@ -249,6 +250,13 @@ def test_a_port_that_is_taken():
 # ---- who waits
 
 
+def wait_until(holds):
+    deadline = time.monotonic() + TIMEOUT_S
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
 def stranger(server, sent=b""):
     connection = socket.create_connection(("127.0.0.1", server.server_port), timeout=TIMEOUT_S)
     connection.sendall(sent)
@@ -262,61 +270,57 @@ def ends(connection):
 
 
 @pytest.fixture
-def short(monkeypatch):
-    """The seconds that a stranger may stay here."""
-    monkeypatch.setattr(server_module, "STRANGER_S", 0.3)
-    return 0.3
+def clock(monkeypatch):
+    """clock(seconds): the time of the server goes on by so much, and not by itself."""
+    now = [0.0]
+    monkeypatch.setattr(server_module, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=time.sleep))
+    return lambda seconds: now.__setitem__(0, now[0] + seconds)
+
+
+def accepted(server, count):
+    """Wait until a server has so many strangers."""
+    wait_until(lambda: len(server._strangers) == count)
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET /", b"GET / HTTP/1.1\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nX: "])
-def test_a_stranger_may_not_stay(server, short, sent):
-    assert ends(stranger(server, sent))
+def test_a_stranger_may_not_stay(server, clock, sent):
+    waiting = stranger(server, sent)
+    accepted(server, 1)
+    clock(STRANGER_S - 0.1)
+    waiting.sendall(b"a")  # gives it no more time
+    accepted(server, 1)
+    clock(0.1)
+    assert ends(waiting)
 
 
-def test_a_stranger_that_is_never_silent_may_not_stay(server, short):
-    with stranger(server, b"GET / HTTP/1.1\r\n") as slow:
-        slow.setblocking(False)
-        wait_until(lambda: time.sleep(short / 10) or says_more(slow) == b"")
-
-
-def says_more(connection):
-    """Send a byte; what the server has answered, b"" if it has ended the connection, None if nothing."""
-    try:
-        connection.send(b"a")
-        return connection.recv(1)
-    except BlockingIOError:
-        return None
-    except ConnectionError:
-        return b""
-
-
-def test_who_has_shown_the_token_may_stay(server, short):
+def test_who_has_shown_the_token_may_stay(server, clock):
     connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=TIMEOUT_S)
     with closing(connection), ExitStack() as stack:
         for _ in range(3):
-            for _ in range(MOST_STRANGERS):
-                stack.enter_context(stranger(server))
             connection.request("GET", f"/{server.token}/stream")
             assert connection.getresponse().read() == STREAM
-            ours, connection.auto_open = connection.sock, False  # another connection would be no proof
-            assert ours is not None
-            time.sleep(2 * short)
+            assert connection.sock is not None
+            connection.auto_open = False  # another connection would be no proof
+            for _ in range(MOST_STRANGERS + 1):
+                stack.enter_context(stranger(server))
+            accepted(server, MOST_STRANGERS)
+            clock(STRANGER_S)
+            accepted(server, 0)
 
 
-def test_strangers_are_few(server):
+def test_strangers_are_few(server, clock):
     with ExitStack() as stack:
         waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 3)]
         assert all(ends(first) for first in waiting[:3])
         assert ask(server, "stream")[2] == STREAM
-        assert ends(waiting[3])  # in whose place that came
-        for later in waiting[4:]:
+        for later in waiting[4:]:  # in the place of one more that came, if it was not at once that it showed the token
             later.setblocking(False)
             with pytest.raises(BlockingIOError):
                 later.recv(1)
-        waiting[-1].setblocking(True)
-        waiting[-1].settimeout(TIMEOUT_S)
-        waiting[-1].sendall(f"GET /{server.token}/view.json HTTP/1.0\r\nHost: {min(server.hosts)}\r\n\r\n".encode())
-        assert waiting[-1].recv(12) == b"HTTP/1.1 200"
+        last = waiting[-1]
+        last.settimeout(TIMEOUT_S)
+        last.sendall(f"GET /{server.token}/view.json HTTP/1.0\r\nHost: {min(server.hosts)}\r\n\r\n".encode())
+        assert last.recv(12) == b"HTTP/1.1 200"
 
 
 # ---- the way there
@@ -461,13 +465,6 @@ def piped():
             return pipe, writing
 
         yield piped
-
-
-def wait_until(holds):
-    deadline = time.monotonic() + TIMEOUT_S
-    while not holds():
-        assert time.monotonic() < deadline
-        time.sleep(0.002)
 
 
 def pour(writing):
