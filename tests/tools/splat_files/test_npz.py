@@ -96,7 +96,7 @@ def with_header(path, header, data=b""):
     [
         ((1 << 50, 8), "limit", "more than 4194304 splats in a frame"),
         ((1 << 40, 1, 8), "limit", "more than 1048576 frames"),
-        ((1 << 20, 8), "malformed", "ends inside frame 0"),
+        ((1 << 20, 8), "malformed", "parameters takes 33554432 bytes by its header, and has 0; fetch"),
         ((-1, 8), "malformed", "C order|add up"),
     ],
 )
