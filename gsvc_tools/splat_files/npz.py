@@ -11,13 +11,12 @@
 Other names are left alone. Frames are read one by one, however large the file.
 """  # noqa: E501  (a table)
 
+import errno
 import io
 import math
-import struct
 import sys
 import warnings
 import zipfile
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from fractions import Fraction
@@ -45,12 +44,6 @@ MAX_NPZ_SPLATS: Final = 1 << 22
 
 MAX_DIRECTORY: Final = 1 << 20
 """Maximum number of bytes of the list of arrays in a file, which zipfile reads at once."""
-
-FAULTS: Final = (
-    zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.error, EOFError, ValueError, OverflowError,
-    struct.error, KeyError, MemoryError, SyntaxError, TypeError,
-)  # fmt: skip
-"""What zipfile and NumPy raise where bytes make no sense; RecursionError is a RuntimeError."""
 
 
 class _Header(NamedTuple):
@@ -169,12 +162,14 @@ class NpzSplats:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Report faults of the bytes as a GsvcError."""
+        """Report faults of the bytes as a GsvcError: zipfile and NumPy raise anything where they make no sense."""
         try:
             yield
         except GsvcError:
             raise
-        except FAULTS as error:
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno != errno.EINVAL:  # which a place before the file's start is
+                raise
             why = " ".join(str(error).split()) or type(error).__name__
             raise GsvcError("malformed", f"{self.path} is no sound NPZ file: {why}") from None
 

@@ -17,7 +17,7 @@ from gsvc_base.syntax import rules_of
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.cli import main
 from gsvc_ref.encoder.log import LOG_SIGNATURE, read_log
-from gsvc_ref.stream.listing import Entry, list_elements, place_of
+from gsvc_tools.listing import Entry, list_elements, place_of
 from gsvc_tools.splat_files import NpzSplats
 
 from .checks import declared_splats, read
@@ -34,14 +34,15 @@ LONGEST_SENTENCE: Final = 4_000
 Ways = tuple[tuple[str, ...], ...]
 
 STREAMS: Final[dict[str, Ways]] = {
-    "dump": ((), ("--json",), ("--all",), ("--all", "--json"), ("--frames", "1:3"), ("--at", "BIT"), ("--at", "BIT", "--json")),
+    "dump": ((), ("--json",), ("--all",), ("--all", "--json"), ("--frames", "1:3"), ("--at", "BIT"),
+             ("--at", "BIT", "--json")),
     "info": ((), ("--json",), ("--frames-table",), ("--decisions",), ("--salvage",), ("--salvage", "--json")),
     "cut": (("OUT.gsvc", "--frames", "0:1"), ("OUT.gsvc", "--frames", "1:"), ("OUT.gsvc", "--layer", "0"),
             ("OUT.gsvc", "--layer", "2", "--json")),
     "concat": (("IN", "-o", "OUT.gsvc"), ("IN", "IN", "-o", "OUT.gsvc", "--json")),
     "export": (("OUT.npz",), ("OUT",), ("OUT.ply", "--frames", "1:2"), ("OUT.npz", "--frames", "1:", "--json")),
     "decode": (("OUT.y4m",), ("OUT.y4m", "--frames", "1:2"), ("OUT.y4m", "--layer", "0"), ("OUT", "--scale", "2")),
-    "salvage": (("OUT.y4m", "--salvage"), ("OUT.y4m", "--salvage", "--quiet"), ("OUT", "--salvage", "--frames", "1:")),
+    "salvage": (("OUT.y4m", "--salvage"), ("OUT.y4m", "--salvage", "--quiet"), ("OUT", "--salvage")),
 }  # fmt: skip
 """The ways in which a command is given a stream; `salvage` is ``decode --salvage``."""
 
