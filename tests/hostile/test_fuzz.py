@@ -152,7 +152,7 @@ PLANTED: dict[str, tuple[str, str, Any]] = {
         "pictures", "stream.decoder.scaled_size", lambda header, scale: (header.height, header.width),
     ),
     "sizes of videos are not checked": ("videos", "video.y4m_header.check_size", nothing),
-    "settings are not checked": ("settings", "encoder.settings.check_range", nothing),
+    "settings are not checked": ("settings", "encoder.settings.common.check_range", nothing),
     "faults of archives pass through": (
         "import", "gsvc_tools.splat_files.npz.NpzSplats._reading", lambda _: nullcontext(),
     ),

@@ -227,7 +227,8 @@ def some_logs() -> list[bytes]:
     """Logs of two frames."""
     line = {name: {"done": True, "reason": "it is so", "iterations": 3, "saved": 2} for name in EFFECT_NAMES}
     lines = [json.dumps({"frame": number} | line) for number in (0, 1)]
-    return [_deflated("\n".join([*lines, ""]).encode()), _deflated(b"\n\n"), b""]
+    told = "\n".join([*lines, ""])
+    return [_deflated(told.replace("it is so", f"{number} of 20").encode()) for number in range(20)]
 
 
 def mutate_log(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
@@ -240,7 +241,11 @@ def mutate_log(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
     for _ in range(rng.choice((1, 1, 2))):
         if places:
             first, end = rng.choice(places)
-            text = text[:first] + rng.choice((*WORDS_OF_JSON, text[first:end] * 2)) + text[end:]
+            number = str(rng.randrange(1 << 20)).encode()
+            word = (
+                rng.choice(WORDS_OF_JSON) if rng.randrange(3) else number if rng.randrange(2) else text[first:end] * 2
+            )
+            text = text[:first] + word + text[end:]
             places = [found.span() for found in re.finditer(words, text)]
     return _deflated(text)
 
