@@ -19,7 +19,15 @@ from gsvc_ref.testing import (
     write_stream,
 )
 
-from . import kit_mutations, kit_targets, other_mutations, other_targets, targets
+from . import (
+    command_mutations,
+    command_targets,
+    kit_mutations,
+    kit_targets,
+    other_mutations,
+    other_targets,
+    targets,
+)
 from .recoding import plane_recoded
 from .stream_mutations import mutate_stream
 
@@ -105,6 +113,13 @@ TARGETS: Final[dict[str, Target]] = {
     "settings": Target(
         other_targets.settings, "settings", other_mutations.some_settings, other_mutations.mutate_settings
     ),
+    **{command: _of_streams(command_targets.of_stream(command)) for command in command_targets.STREAMS},
+    "listing": _of_streams(command_targets.listing),
+    "import": Target(
+        command_targets.splat_files, "splats", command_mutations.some_splat_files, command_mutations.mutate_splat_file
+    ),
+    "scene": Target(command_targets.scenes, "scenes", command_mutations.some_scenes, command_mutations.mutate_scene),
+    "log": Target(command_targets.logs, "logs", command_mutations.some_logs, command_mutations.mutate_log),
     "kit_reports": Target(kit_targets.reports, "kit_reports", kit_mutations.some_reports, kit_mutations.mutate_report),
     "kit_speeds": Target(kit_targets.speeds, "kit_speeds", kit_mutations.some_speeds, kit_mutations.mutate_report),
     "kit_tables": Target(kit_targets.tables, "kit_tables", kit_mutations.some_tables, kit_mutations.mutate_table),

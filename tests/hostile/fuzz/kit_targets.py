@@ -25,11 +25,10 @@ from gsvc_conformance.vector import VECTORS, vector_in
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.waivers import read_waivers, renewed, to_toml
 
+from .command_targets import LONGEST_SENTENCE, limited_memory
 from .kit_mutations import IDS, packed, some_reports, unpacked, vectors, with_sums
 from .targets import ACCEPTED
 
-LONGEST: Final = 4_000
-"""Characters of what a command complains."""
 MAX_SECONDS: Final = 15.0
 """CPU time of an execution, in seconds; those before it is warm included."""
 ANSWERS: Final = "kit_fuzz_answers"
@@ -51,7 +50,7 @@ def outcome(*words: object) -> str:
     """Run a command of the kit; how it ended."""
     said, complaint = io.StringIO(), io.StringIO()
     begin = time.process_time()
-    with redirect_stdout(said), redirect_stderr(complaint):
+    with redirect_stdout(said), redirect_stderr(complaint), limited_memory():
         status = main([*map(str, words)])
     seconds = time.process_time() - begin
     text = complaint.getvalue()
@@ -59,7 +58,7 @@ def outcome(*words: object) -> str:
     assert status in (0, 1, 2), f"exit code {status}: {text}"
     assert "Traceback" not in text, text
     assert "not enough memory" not in text, text
-    assert len(text) < LONGEST, text
+    assert len(text) < LONGEST_SENTENCE, text
     assert status < 2 or text.startswith("gsvc-conformance ") or said.getvalue(), f"no sentence of {words}"
     if "--json" in words and status != 2 and words[0] == "list":
         json.loads(said.getvalue())
@@ -114,7 +113,7 @@ def tables(data: bytes) -> str:
                 found.append(ACCEPTED)
             except UsageError as error:
                 refused = str(error)
-            assert not refused or (str(path) in refused and len(refused) < LONGEST)
+            assert not refused or (str(path) in refused and len(refused) < LONGEST_SENTENCE)
         if zlib.crc32(data) % 64 == 0:
             option = ("--waivers", "--features")[zlib.crc32(data) // 64 % 2]
             answering, selected = ("--module", answers()), ("--case", IDS[1])
