@@ -20,11 +20,14 @@ from numpy.typing import NDArray
 
 HERE = Path(__file__).parent
 EPSILON = 2.0**-23
+MAX_BYTES = 1 << 28
 
 
 def read(path: Path) -> tuple[NDArray[Any] | None, str]:
     """A picture, or what is wrong with its file, a sentence."""
     try:
+        if path.stat().st_size > MAX_BYTES:
+            return None, f"has {path.stat().st_size:,} bytes; at most {MAX_BYTES:,} are read"
         with path.open("rb") as file:
             return np.lib.format.read_array(file, allow_pickle=False), ""
     except Exception as error:  # any file may be there, and the other pictures must be judged

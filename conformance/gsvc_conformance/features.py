@@ -13,6 +13,7 @@ from gsvc_conformance.level import LEVELS, splat_counts
 from gsvc_conformance.operation import Group, Operation, operations
 from gsvc_conformance.profiles import ANY, PROFILES, stated_profile
 from gsvc_conformance.reading import read_toml
+from gsvc_conformance.schema import shown
 from gsvc_conformance.spec import header_rows, namespace
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import Vector
@@ -133,7 +134,7 @@ def features_of(values: Mapping[str, Any], source: str) -> Features:
     for name in values:
         if name not in names:
             near = question(name, names) or f"; the keys are {', '.join(names)}"
-            raise UsageError(f"{source} has the key {name!r}{near}")
+            raise UsageError(f"{source} has the key {shown(name)}{near}")
     return Features(**{name: _checked(name, value, source) for name, value in values.items()})
 
 
@@ -143,15 +144,15 @@ def _checked(name: str, value: object, source: str) -> Any:
     if name in ("level", "max_splats"):
         if type(value) is int and value in allowed:
             return value
-        raise UsageError(f"{name} of {source} is {value!r}; it must be {words}")
+        raise UsageError(f"{name} of {source} is {shown(value)}; it must be {words}")
     if not isinstance(value, list) or not value:
-        raise UsageError(f"{name} of {source} is {value!r}; it must be a list with at least one entry: {words}")
+        raise UsageError(f"{name} of {source} is {shown(value)}; it must be a list with at least one entry: {words}")
     for entry in value:
         if type(entry) not in (int, str) or entry not in allowed:
             near = question(entry, allowed) if isinstance(entry, str) and isinstance(allowed, tuple) else ""
-            raise UsageError(f"{name} of {source} has {entry!r}{near or f'; an entry must be {words}'}")
+            raise UsageError(f"{name} of {source} has {shown(entry)}{near or f'; an entry must be {words}'}")
         if value.count(entry) > 1:
-            raise UsageError(f"{name} of {source} has {entry!r} twice")
+            raise UsageError(f"{name} of {source} has {shown(entry)} twice")
     return tuple(value)
 
 

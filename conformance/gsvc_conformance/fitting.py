@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import DTYPES, Operation, Port, Values
+from gsvc_conformance.reading import Archive, check_size, parse_npy, read_bytes
 from gsvc_conformance.spelling import question
 
 Array = NDArray[Any]
@@ -46,12 +47,13 @@ def read_inputs(operation: Operation, path: Path) -> dict[str, Any]:
     if path.suffix != ".npz":
         raise UsageError(f"{path} is no .npz file, no {STREAM} file and no folder of .npy files")
     try:
-        with np.load(path, allow_pickle=False) as arrays:
-            return {name: arrays[name] for name in arrays.files}
+        files = Archive(path)
+        check_size(f"all of {path} together", sum(map(files.size, files)))
+        return {name.removesuffix(".npy"): parse_npy(data, name, foreign=True) for name, data in files.items()}
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # whatever a damaged archive makes of the reader
-        raise UsageError(f"{path} is no .npz file of plain arrays ({error})") from None
+    except UsageError as error:
+        raise UsageError(f"{path} is no .npz file of plain arrays: {error}") from None
 
 
 def _of_folder(operation: Operation, folder: Path) -> dict[str, Any]:
@@ -60,10 +62,7 @@ def _of_folder(operation: Operation, folder: Path) -> dict[str, Any]:
         if file.suffix == STREAM:
             found[file.stem] = _bytes(file)
         elif file.suffix == ".npy":
-            try:
-                found[file.stem] = np.load(file, allow_pickle=False)
-            except Exception as error:  # whatever a damaged file makes of the reader
-                raise UsageError(f"{file} is no .npy file of a plain array ({error})") from None
+            found[file.stem] = parse_npy(_bytes(file), str(file), foreign=True)
     if not found:
         inside = "; give its folder in/" if (folder / "in").is_dir() else ""
         raise UsageError(f"{folder} has no .npy or {STREAM} files; {operation.name} takes {_names(operation)}{inside}")
@@ -72,7 +71,7 @@ def _of_folder(operation: Operation, folder: Path) -> dict[str, Any]:
 
 def _bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_bytes(path)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}") from None
 

@@ -13,6 +13,7 @@ from typing import Any, Final, NamedTuple, get_args
 
 import pytest
 
+from gsvc_base.cli.errors import describe_os_error
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import Causes, Search, added
@@ -62,6 +63,8 @@ def configure(config: pytest.Config) -> None:
         run = Run(config, tuple(filter(None, wanted)))
     except UsageError as error:
         raise pytest.UsageError(str(error)) from None
+    except OSError as error:
+        raise pytest.UsageError(describe_os_error(error)) from None
     config.addinivalue_line("markers", MARKER)
     config.pluginmanager.register(Session(run), "gsvc-vectors")
 

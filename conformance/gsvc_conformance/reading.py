@@ -14,7 +14,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, BinaryIO, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,8 @@ MAX_ARCHIVE: Final = 1 << 32
 """Bytes of all files of an archive together."""
 MAX_DOTS: Final = 32
 """Parts of a key of TOML, for which tomllib takes a time that grows with their square."""
+MAX_STREAM: Final = 1 << 32
+"""Bytes of a stream that is checked."""
 METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Methods of compression whose memory is the same for all files."""
 
@@ -50,10 +52,26 @@ def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
     """
     with open(path, "rb", opener=_at_once) as file:
         status = os.fstat(file.fileno())
-        if not stat.S_ISREG(status.st_mode):
-            raise UsageError(f"{path} is not an ordinary file; write its contents to one and give that")
+        _check_ordinary(path, status)
         check_size(str(path), status.st_size, most)
         return file.read(status.st_size)
+
+
+def read_pipe(file: BinaryIO, most: int) -> bytes:
+    """All bytes of standard input.
+
+    Raises
+    ------
+    UsageError
+        They are more than `most`.
+    """
+    parts: list[bytes] = []
+    size = 0
+    while data := file.read(1 << 20):
+        parts.append(data)
+        size += len(data)
+        check_size("standard input", size, most)
+    return b"".join(parts)
 
 
 def read_text(path: Path) -> str:
@@ -67,6 +85,11 @@ def read_text(path: Path) -> str:
         It is no UTF-8.
     """
     return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
+
+
+def _check_ordinary(path: Path, status: os.stat_result) -> None:
+    if not stat.S_ISREG(status.st_mode):
+        raise UsageError(f"{path} is not an ordinary file; write its contents to one and give that")
 
 
 def _at_once(path: str, flags: int) -> int:
@@ -146,8 +169,10 @@ def _unless_named(error: ValueError, path: Path, form: str) -> UsageError:
     return UsageError(f"{path} is no {form}: {error}")
 
 
-def parse_npy(data: bytes, name: str) -> NDArray[Any]:
+def parse_npy(data: bytes, name: str, *, foreign: bool = False) -> NDArray[Any]:
     """The array of an .npy file of numbers, in the byte order of the machine and in C order.
+
+    What is `foreign` may also hold truth values, or have its most significant byte first.
 
     Raises
     ------
@@ -159,9 +184,11 @@ def parse_npy(data: bytes, name: str) -> NDArray[Any]:
         shape, column_order, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
     except Exception as error:  # whatever a hostile header makes of Python's parser
         raise UsageError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
-    if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * elements_of(shape):
+    if dtype.kind not in ("uifb" if foreign else "uif") or len(data) - file.tell() != dtype.itemsize * elements_of(
+        shape
+    ):
         raise UsageError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
-    if dtype.str.startswith(">"):
+    if dtype.str.startswith(">") and not foreign:
         raise UsageError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
     flat = np.frombuffer(data, dtype, offset=file.tell())
     try:
@@ -237,7 +264,9 @@ class Archive(Mapping[str, bytes]):
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        check_size(str(path), path.stat().st_size)
+        status = path.stat()
+        _check_ordinary(path, status)
+        check_size(str(path), status.st_size)
         try:
             self._zip = zipfile.ZipFile(path)
         except OSError:

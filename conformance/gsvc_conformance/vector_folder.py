@@ -20,6 +20,7 @@ from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.profiles import ANY, SINCE
 from gsvc_conformance.reading import MAX_TEXT, check_size, read_json
+from gsvc_conformance.schema import shown
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files, manifest_of
@@ -306,6 +307,8 @@ class VectorFolder:
         UsageError
             It is missing, was changed or is damaged.
         """
+        if name not in self._parts:
+            raise UsageError(f"there is no vector {name} in {self.folder}; gsvc-conformance list --cases names all")
         if MANIFEST not in self._parts[name]:
             raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {_mended(self.folder, name)}")
         data = self._file(f"{name}/{MANIFEST}")
@@ -421,8 +424,8 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip
     if manifest["tier"] != name.split("/")[0] or manifest["level"] not in LEVELS:
-        raise UsageError(f"the manifest of {name} has the tier {manifest['tier']!r}, which must be the first part of "
-                         f"the id, and the level {manifest['level']!r}, of 1 to {max(LEVELS)}")  # fmt: skip
+        raise UsageError(f"the manifest of {name} has the tier {shown(manifest['tier'])}, which must be the first part "
+                         f"of the id, and the level {manifest['level']}, of 1 to {max(LEVELS)}")  # fmt: skip
     if manifest["id"] != name or manifest["operation"] != name.split("/")[1]:
         raise UsageError(f"the manifest of {name} is that of {manifest['id']}, operation {manifest['operation']}")
     operation = operations()[name.split("/")[1]]

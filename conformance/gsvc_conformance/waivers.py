@@ -22,6 +22,7 @@ from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.globs import MAX_GLOB, Names, matcher
 from gsvc_conformance.reading import read_toml
 from gsvc_conformance.results import FAULTS, Result
+from gsvc_conformance.schema import cut, shown
 from gsvc_conformance.spelling import question
 
 KEYS: Final = ("vectors", "reason", "issue", "until")
@@ -213,7 +214,7 @@ def read_waivers(path: Path | None, today: datetime.date | None = None) -> Waive
     except UsageError as error:
         raise UsageError(f"{error}; protocol.md shows what waivers look like") from None
     for key in value.keys() - {TABLE}:
-        raise UsageError(f"{path} has {key!r} outside of a waiver; each waiver begins with [[waiver]]")
+        raise UsageError(f"{path} has {shown(key)} outside of a waiver; each waiver begins with [[waiver]]")
     tables = value.get(TABLE, [])
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise UsageError(f"{path} has one [waiver]; each of them begins with [[waiver]]")
@@ -231,7 +232,7 @@ def _waiver(what: str, table: Mapping[str, Any]) -> Waiver:
     for key in table:
         if key not in KEYS:
             near = question(key, KEYS) or f"; it takes {', '.join(KEYS)}"
-            raise UsageError(f"{what} has the key {key!r}{near}")
+            raise UsageError(f"{what} has the key {shown(key)}{near}")
     vectors, until = table.get("vectors"), table.get("until")
     if not isinstance(vectors, list) or not vectors or not all(isinstance(name, str) and name for name in vectors):
         raise UsageError(f'{what} must have vectors = ["..."], ids of vectors or globs')
@@ -240,10 +241,12 @@ def _waiver(what: str, table: Mapping[str, Any]) -> Waiver:
     if not _is_text(table.get("reason")):
         raise UsageError(f'{what} ({vectors[0]}) must have reason = "...", which says why these vectors may be wrong')
     if not _is_text(table.get("issue", "none")):
-        raise UsageError(f"{what} ({vectors[0]}) has the issue {table['issue']!r}; it must be a text, or be left out")
+        raise UsageError(
+            f"{what} ({vectors[0]}) has the issue {shown(table['issue'])}; it must be a text, or be left out"
+        )
     if until is not None and type(until) is not datetime.date:
-        shown = repr(until) if isinstance(until, str) else until
-        raise UsageError(f"{what} ({vectors[0]}) has until = {shown}; it must be a date without quotes: 2027-01-31")
+        given = shown(until) if isinstance(until, str) else cut(str(until))
+        raise UsageError(f"{what} ({vectors[0]}) has until = {given}; it must be a date without quotes: 2027-01-31")
     return Waiver(tuple(vectors), table["reason"].strip(), table.get("issue", ""), until)
 
 

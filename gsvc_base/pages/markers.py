@@ -20,9 +20,16 @@ def replaced(document: str, begin: str, end: str, text: str, name: str = "the do
 
 def check_markers(path: Path, begin: str, end: str) -> None:
     """Refuse a file that `put_between` cannot change."""
-    replaced(path.read_text(encoding="utf-8"), begin, end, "", str(path))
+    replaced(_document(path), begin, end, "", str(path))
 
 
 def put_between(path: Path, begin: str, end: str, text: str) -> None:
     """Replace what stands between two markers of a file."""
-    write_text(replaced(path.read_text(encoding="utf-8"), begin, end, text, str(path)), path)
+    write_text(replaced(_document(path), begin, end, text, str(path)), path)
+
+
+def _document(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise UsageError(f"{path} is no text in UTF-8; give the document that has the lines") from None

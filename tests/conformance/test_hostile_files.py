@@ -246,6 +246,38 @@ def test_the_limits_are_far_above_the_largest_vector():
     assert max(map(files.size, files)) < MAX_TEXT / 16
 
 
+def test_a_report_of_vectors_that_are_not_there_has_no_pictures(folder, toy_module, tmp_path, capsys):
+    report = tmp_path / "report.json"
+    words = ["--vectors", str(folder), "--quiet", "--json", str(report), "--keep", str(tmp_path / "kept")]
+    wrong = toy_module(halve=lambda values: {"half": values, "count": np.asarray(0)})
+    assert main(["run", "--module", wrong, *words]) == 1
+    for name in ("core/halve/other", "core/../halve"):
+        text = report.read_text().replace("core/halve/one_to_six", name)
+        (tmp_path / "edited.json").write_text(text)
+        (tmp_path / "kept" / name / "out").mkdir(parents=True, exist_ok=True)
+        again = ["--keep", tmp_path / "kept", "--html", tmp_path / "page.html", "--vectors", folder]
+        assert f"there is no vector {name} in" in refused(capsys, "report", tmp_path / "edited.json", *again)
+
+
+def test_inputs_for_a_vector_of_ones_own_are_measured(tmp_path, capsys):
+    path = tmp_path / "inputs.npz"
+    np.savez_compressed(path, values=np.zeros(3, "f4"))
+    with_declared_size(path, "values.npy", (1 << 32) - 2)
+    assert "at most 268,435,456 are read" in refused(capsys, "make", "to_half", path, tmp_path / "own")
+    os.mkfifo(tmp_path / "pipe.npz")
+    assert main(["make", "to_half", str(tmp_path / "pipe.npz"), str(tmp_path / "own")]) == 2
+    np.savez(path, values=np.zeros(3, ">f4"))
+    assert main(["make", "to_half", str(path), str(tmp_path / "own"), "--id", "swapped"]) == 0
+
+
+def test_a_stream_that_has_no_end_is_not_checked(tmp_path, capsys, monkeypatch):
+    assert "is not an ordinary file" in refused(capsys, "check", "/dev/zero")
+    monkeypatch.setattr("gsvc_conformance.commands.check.MAX_STREAM", 1 << 21)
+    with open("/dev/zero") as endless:
+        monkeypatch.setattr(sys, "stdin", endless)
+        assert "standard input has 3,145,728 bytes; at most 2,097,152 are read" in refused(capsys, "check", "-")
+
+
 # Waivers and other texts
 
 

@@ -95,6 +95,11 @@ EDITS = [
     (lambda r: r["results"][0]["outputs"][0].update(wrong=1.5), "wrong of an output .* must be a whole number"),
     (lambda r: r["results"][0]["outputs"][0].update(passed="yes"), "passed of an output .* must be true or false"),
     (lambda r: r["results"][0].update(outcome="fine"), "the outcome 'fine'"),
+    (
+        lambda r: r["results"][0].update(table={"title": "t", "columns": ["x"], "rows": [["a"]]}),
+        "a table has a row that is no name and a cell for each column",
+    ),
+    (lambda r: r["results"][0].update(level=[0] * 9999), r"level of result 0 is \[0, 0, [0, ]+\.\.\.; it must be"),
     (lambda r: r["results"].append(7), "result 1 is 7; it must be an object"),
     (lambda r: r.update(results={}), "results of the report is {}; it must be a list"),
     (lambda r: r.update(notes=[1]), "notes of the report"),
@@ -118,6 +123,15 @@ def test_a_report_that_was_edited_is_refused_with_the_name_of_the_field(tmp_path
         read(path)
     assert main(["report", str(path)]) == 2
     assert str(path) in capsys.readouterr().err
+
+
+def test_a_report_of_classes_that_this_kit_does_not_know_is_shown(tmp_path, capsys, toys):
+    result = {"id": "core/scale/a", "title": "A", "class": "other", "outcome": "fail", "seconds": 1.0, "message": "m"}
+    around = {"environment": {"kit": "k"}, "command": "run", "selection": "", "notes": []}
+    path = tmp_path / "report.json"
+    path.write_text(json.dumps({"format": "gsvc-conformance-report/1", **around, "results": [result]}))
+    assert main(["report", str(path), "--html", str(tmp_path / "page.html")]) == 1
+    assert "core/scale/a" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("text", ["", "[]", "5", "{", "[" * 100_000, '"\ud800"', "\xff"])

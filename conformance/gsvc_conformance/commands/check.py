@@ -16,6 +16,7 @@ from gsvc_conformance import reference
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.profiles import PROFILES
+from gsvc_conformance.reading import MAX_STREAM, read_bytes, read_pipe
 from gsvc_conformance.spec import namespace
 
 SPEC, REFERENCE = "spec", "gsvc_ref"
@@ -184,7 +185,7 @@ def _progress(display: ProgressDisplay, title: str, data: bytes) -> OnFrame:
 
 def _data(path: Path) -> bytes:
     try:
-        return sys.stdin.buffer.read() if path == STDIN else path.read_bytes()
+        return read_pipe(sys.stdin.buffer, MAX_STREAM) if path == STDIN else read_bytes(path, MAX_STREAM)
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror}; give the path of a file") from None
 

@@ -270,7 +270,7 @@ def folded(operations: Sequence[Summary]) -> tuple[list[Summary], str]:
 def class_table(report: Report) -> list[str]:
     """The verdict of each class."""
     groups = report.groups()
-    width = max(len(group.title) for group in groups)
+    width = max((len(group.title) for group in groups), default=0)
     lines = [f"class {group.title.ljust(width)}  {group.verdict}: {group.reason}" for group in groups]
     quotes = report.quotes()
     return [
