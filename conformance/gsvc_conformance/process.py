@@ -9,7 +9,6 @@ import os
 import shlex
 import shutil
 import signal
-import stat
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
+from gsvc_base.folders import StrangeFileError, read_regular
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
 from gsvc_conformance.supervision import Log, Program
@@ -166,13 +166,21 @@ def exchange(inputs: Values) -> Iterator[Exchange]:
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
-    """Write the inputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
-    for name, value in inputs.items():
+    """Write the inputs of an operation as files."""
+    for name, data in files_of(inputs).items():
+        (folder / name).write_bytes(data)
+
+
+def files_of(values: Values) -> dict[str, bytes]:
+    """Inputs or outputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
+    files = {}
+    for name, value in values.items():
         if isinstance(value, bytes):
-            (folder / f"{name}.gsvc").write_bytes(value)
+            files[f"{name}.gsvc"] = value
         else:
             dtype = {int: "<i8", float: "<f8"}.get(type(value))
-            (folder / f"{name}.npy").write_bytes(npy(np.asarray(value, dtype)))
+            files[f"{name}.npy"] = npy(np.asarray(value, dtype))
+    return files
 
 
 def read_output(folder: Path, port: Port) -> NDArray[Any] | str | bytes:
@@ -216,14 +224,11 @@ def _product(shape: tuple[int, ...]) -> int:
 
 def _read_file(path: Path, most: int) -> bytes:
     try:
-        status = path.lstat()
+        return read_regular(path, most)
     except FileNotFoundError:
         raise ValueError(f"there is no {path.name}") from None
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError(f"{path.name} is no ordinary file")
-    if status.st_size > most:
-        raise ValueError(f"{path.name} has {status.st_size} bytes; at most {most} are read")
-    return path.read_bytes()
+    except StrangeFileError as error:
+        raise ValueError(str(error).removeprefix(f"{path.parent}{os.sep}")) from None
 
 
 def _size(folder: Path, most: int) -> int:
