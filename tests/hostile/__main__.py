@@ -1,8 +1,9 @@
-"""The long checks of hostile input: ``python -m tests.hostile damage``, ``memory LEVEL [ENTRY ...]``, ``resume KILLS``.
+"""The long checks of hostile input: ``python -m tests.hostile CHECK``, of which ``--help`` has a list.
 
 ``damage`` tries every truncation and every flipped bit of every core stream, with gsvc_ref and with the decoder of
 spec.md; ``memory`` measures the peak memory of every way into the decoder for streams at the limits of a level;
-``resume`` kills encodes and changes what they had kept before it goes on.
+``resume`` kills encodes and changes what they had kept before it goes on; ``viewer`` measures what a frame at the
+limits costs the viewer's decoder, in Node, beside gsvc_ref.
 """
 
 import sys
@@ -48,6 +49,10 @@ def main(arguments: list[str]) -> int:
 
         with TemporaryDirectory() as folder:
             return 0 if kills(given.count, given.seed, Path(folder)) else 1
+    if given.command == "viewer":
+        from tests.hostile import viewer_cost  # which needs what the pages are tested with
+
+        return 0 if viewer_cost.table(given.level) else 1
     return 0 if table(given.level, given.entries or ENTRIES) else 1
 
 
@@ -64,7 +69,9 @@ def build_parser() -> ArgumentParser:
         "memory", help="peak memory of decoding streams at the limits of a level", epilog=f"ENTRY is one of:{entries}",
         formatter_class=RawDescriptionHelpFormatter,
     )  # fmt: skip
-    memory.add_argument("level", type=int, choices=LEVELS, metavar="LEVEL", help=", ".join(map(str, LEVELS)))
+    viewer = commands.add_parser("viewer", help="CPU time of a frame in the viewer's decoder, beside gsvc_ref's")
+    for command in (memory, viewer):
+        command.add_argument("level", type=int, choices=LEVELS, metavar="LEVEL", help=", ".join(map(str, LEVELS)))
     memory.add_argument("entries", nargs="*", type=entry_name, metavar="ENTRY", help="ways into the decoder; all")
     return parser
 
