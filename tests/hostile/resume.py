@@ -1,4 +1,4 @@
-"""Encodes that are killed at random moments and gone on with, whatever became of what they had kept."""
+"""Encodes that are killed at random moments and gone on with, after changes to what they had kept."""
 
 import io
 import os
