@@ -101,7 +101,7 @@ class Layers:
 
     @property
     def parts(self) -> tuple[MainState, ...]:
-        """The states whose splats the frame shows: that of the base, and after it those of the layers in their order."""
+        """The states whose splats the frame shows: that of the base, then those of the layers in their order."""
         assert self.base is not None
         return self.base, *self.there.values()
 

@@ -84,3 +84,36 @@ def both(stream: bytes) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         (ours.counts.tolist(), ours.parameters.tobytes(), ours.error),
         (theirs["counts"].tolist(), theirs["parameters"].tobytes(), theirs["error"]),
     )
+
+
+GROWING: dict[str, tuple[dict[int, tuple[str, int]], ...]] = {
+    "the base grows": ({0: ("I", 10), 1: ("I", 16000)}, {0: ("P", 500), 1: ("R", 0)}),
+    "a layer below grows": ({0: ("I", 10), 1: ("I", 1), 2: ("I", 9000)}, {0: ("P", 0), 1: ("I", 9000), 2: ("R", 0)}),
+}
+"""Frames whose last layer repeats: by layer its type and the new splats, together more than level 1 allows."""
+
+
+def growing_codes(name: str, header: SequenceHeader) -> tuple[list[MainCodes], dict[int, list[tuple[int, MainCodes]]]]:
+    """The codes of the base and of the layers of a stream of `GROWING`, all symbols the last that there is."""
+    choices, states = SeededChoices(5), {}
+    base: list[MainCodes] = []
+    layers: dict[int, list[tuple[int, MainCodes]]] = {}
+    for number, parts in enumerate(GROWING[name]):
+        for layer, (types, count) in parts.items():
+            before = states.get(layer, MainState.initial(header.width, header.height))
+            codes, states[layer] = make_main_frame(choices, header, before, types=types, count=count, kind="last")
+            if layer:
+                layers.setdefault(number, []).append((layer, codes))
+            else:
+                base.append(codes)
+    return base, layers
+
+
+@cache
+def growing(name: str, level: int, checksums: bool = False) -> bytes:
+    """A stream of `GROWING` whose header states a level, which may be too low."""
+    header = SequenceHeader(
+        profile=MAIN, level=2, width=32, height=24, layer_count=3, parameter_checksum_flag=checksums
+    )
+    base, layers = growing_codes(name, header)
+    return with_payload(write_stream(header, base, layers=layers), 0, lambda p: p[:1] + bytes([level]) + p[2:])

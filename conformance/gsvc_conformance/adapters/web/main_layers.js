@@ -98,10 +98,12 @@ globalThis.GSVC ??= {};
         this.last = layer;
         return;
       }
+      const others = new Map([...this.there].filter(([number]) => number !== layer));
+      const othersCount = [...others.values()].reduce((sum, { parameters }) => sum + parameters.length / 8, 0);
+      const mostSplats = limits.splats - this.baseCount - othersCount;
+      if (type === "R" && known.parameters.length / 8 > mostSplats) throw new Fault("R-5-2", p.element);
       const stated = header.flags & 1 ? p.le(4) : null;
       const checksumBit = p.element;
-      const others = new Map([...this.there].filter(([number]) => number !== layer));
-      const mostSplats = limits.splats - this.#shown(others).length / 8;
       const body = type === "R" ? null : main.readBody(p, type, known?.state, header, mostSplats);
       p.checkFilled();
       const parameters = body ? main.stateParameters(body.after.splats) : known.parameters;
