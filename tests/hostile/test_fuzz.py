@@ -4,6 +4,7 @@ import hashlib
 import re
 import subprocess
 import sys
+import tomllib
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
@@ -21,7 +22,6 @@ from fuzz.layout import elements, split
 from fuzz.stream_mutations import MUTATIONS, mutate_stream
 
 from gsvc_base.errors import GsvcError
-from gsvc_conformance import runner
 from gsvc_conformance.cases.faulty import faults
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import categories_of
@@ -140,6 +140,10 @@ def as_it_is(value: Any, schema: Any, *_named: str) -> Any:
     return {field: value.get(field, default) for field, (_, default) in schema.items()}
 
 
+def read_toml_as_it_is(path: Path) -> Any:
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
 def no_index(profile: int) -> tuple[str, ...]:
     return tuple(name for name in categories_of(profile) if name != "index")
 
@@ -178,9 +182,9 @@ PLANTED: dict[str, tuple[str, str, Any]] = {
     "an export is left half done": ("export", "gsvc_base.files.PartialFile.discard", nothing),
     "fields of a report are not checked": ("kit_reports", "gsvc_conformance.report.json.checked", as_it_is),
     "fields of speeds are not checked": ("kit_speeds", "gsvc_conformance.report.comparison.checked", as_it_is),
-    "nesting of TOML is a fault": ("kit_tables", "gsvc_conformance.reading.RecursionError", KeyError),
+    "what is no TOML is a fault": ("kit_tables", "gsvc_conformance.waivers.read_toml", read_toml_as_it_is),
     "fields of manifests are not checked": ("kit_vectors", "gsvc_conformance.vector.checked", as_it_is),
-    "a fault of judging ends the run": ("kit_answers", "gsvc_conformance.runner.judge_answers", runner._judged),
+    "folders of answers stay": ("kit_answers", "gsvc_conformance.process.remove", nothing),
 }  # fmt: skip
 """Defects: the target that must find them, and what (of gsvc_ref, where no package is named) is replaced by what."""
 
