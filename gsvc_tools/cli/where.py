@@ -11,7 +11,7 @@ from gsvc_base.errors import UsageError
 from gsvc_base.interrupts import Interrupts
 from gsvc_base.processors import processors
 from gsvc_ref.cli.files import STDIO
-from gsvc_tools.jobs.processes import MOST_JOBS, Processes, check_jobs
+from gsvc_tools.jobs.processes import MAX_JOBS, Processes, check_jobs
 
 
 def add_where_options(parser: ArgumentParser) -> None:
@@ -132,4 +132,4 @@ def opened_executor(arguments: Namespace, processes: Processes | None) -> Iterat
     from gsvc_tools.jobs.cluster import opened_cluster
 
     with opened_cluster(arguments.scheduler) as cluster:
-        yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
+        yield min(cluster.thread_count, MAX_JOBS) if jobs is None else jobs, cluster

@@ -30,10 +30,10 @@ SEGMENT_S: Final = 0.5
 """Seconds that a segment is meant to take, by the pace of the one before it in its group; the first has one frame.
 A coder of 352x288 pixels and 2,000 splats is 1.7 MB, which take 2 ms to pickle and make again, each time it is sent."""
 
-MOST_FRAMES: Final = 16
+MAX_GROUP_FRAMES: Final = 16
 """Maximum number of frames of a segment of SEGMENT_S, and in proportion of one that is meant to take longer."""
 
-MOST_BYTES: Final = 1 << 25
+MAX_GROUP_BYTES: Final = 1 << 25
 """Maximum number of bytes of the frames of a segment, unless it is a single frame."""
 
 I_FRAME: Final = 4
@@ -171,7 +171,8 @@ class Group:
         """The frames of the next segment, or again of one that was lost."""
         if not self.segment:
             most = min(
-                MOST_FRAMES * max(1, round(self.segment_s / SEGMENT_S)), MOST_BYTES // self.waiting[0].frame.nbytes
+                MAX_GROUP_FRAMES * max(1, round(self.segment_s / SEGMENT_S)),
+                MAX_GROUP_BYTES // self.waiting[0].frame.nbytes,
             )
             count = min(max(1, min(int(self.segment_s / self.pace), most)), len(self.waiting))
             self.segment = [self.waiting.popleft() for _ in range(count)]

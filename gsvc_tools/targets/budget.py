@@ -44,7 +44,7 @@ QUANTIZER_SLOPE: Final = 0.145
 MAX_QUANTIZER_CHANGE: Final = 16
 """The maximum difference between the quantisers of a P-frame and its I-frame, two octaves of D."""
 
-MOST_OCTAVES: Final = 0.15
+MAX_OCTAVES: Final = 0.15
 """Profile `paper`: the same of the number of splats."""
 
 BITS_DECAY: Final = 0.9
@@ -194,7 +194,7 @@ class BudgetCoder:
             whole = round(min(max(change, -MAX_QUANTIZER_CHANGE), MAX_QUANTIZER_CHANGE))
             self._coder.quantizer = min(max(self._base - whole, 0), QUANTIZERS - 1)
             return float(self._base - self._coder.quantizer)
-        octaves = min(max(change, -MOST_OCTAVES), MOST_OCTAVES)
+        octaves = min(max(change, -MAX_OCTAVES), MAX_OCTAVES)
         self._coder.intra_splats = min(max(1, round(self._base * _power_of_two(octaves))), self._most)
         return float(log2(self._coder.intra_splats / self._base))
 

@@ -19,13 +19,13 @@ SHARP_EDGE: Final = 64 / 255
 SOFT_EDGE: Final = 16 / 255
 """...and an edge of any kind is one of this."""
 
-LEAST_FLAT: Final = 0.4
+MIN_FLAT: Final = 0.4
 """Screen content has at least this fraction of equal pairs of neighbours in a row..."""
 
-LEAST_SHARP: Final = 0.005
+MIN_SHARP: Final = 0.005
 """...this fraction of sharp edges among all pairs of neighbours..."""
 
-LEAST_SHARP_SHARE: Final = 0.4
+MIN_SHARP_SHARE: Final = 0.4
 """...and this fraction of sharp ones among its edges. Of 24 pages, terminals, slides and windows drawn with Pillow's
 font, 176x144 to 640x360, all are found; the scanned and the photographed page of scikit-image are not. Of 20 scenes and
 20 other pictures of scikit-image two are found, which are drawings in black and white."""
@@ -81,7 +81,7 @@ class Sharpness:
     @property
     def is_screen(self) -> bool:
         """Whether the frame looks like text or a screen."""
-        return self.flat >= LEAST_FLAT and self.sharp >= LEAST_SHARP and self.share >= LEAST_SHARP_SHARE
+        return self.flat >= MIN_FLAT and self.sharp >= MIN_SHARP and self.share >= MIN_SHARP_SHARE
 
     @property
     def good_splats(self) -> int:
