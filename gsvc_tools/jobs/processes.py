@@ -48,17 +48,10 @@ class DeadProcessError(BrokenExecutor):
 
 
 class Processes(Executor):
-    """An executor with up to `count` processes, each of them started when a call first needs it, or by `start`.
+    """An executor with up to `count` processes, each of them started when a call first needs it, or by `start`."""
 
-    Parameters
-    ----------
-    count
-        The number of calls at the same time.
-    preload
-        A module that each process imports before its first call.
-    """
-
-    def __init__(self, count: int, preload: str | None = None) -> None:
+    # A module that each process imports before its first call
+    def __init__(self, count: int, preload: str | None = None) -> None:  # the number of calls at the same time
         self._is_over = False
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
         self._workers = [_Worker(preload) for _ in range(count)]

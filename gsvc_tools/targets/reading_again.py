@@ -41,10 +41,7 @@ def can_be_read_again(source: Source) -> bool:
 def readable_again(source: Source, frame_rate: FrameRate | None) -> Iterator[Callable[[], VideoReader]]:
     """What gives a new reader of the source each time; frames that come once are kept in a temporary file.
 
-    Raises
-    ------
-    UsageError
-        While frames are read: they would take more than MAX_BYTES_KEPT bytes.
+    Reading ends with a UsageError where frames would take more than MAX_BYTES_KEPT bytes.
     """
     if can_be_read_again(source):
         yield lambda: _Reopened(source, frame_rate)

@@ -42,24 +42,12 @@ SCREEN_DB_PER_DOUBLING: Final = 7.0
 
 @dataclass(frozen=True)
 class Sharpness:
-    """What tells screen content.
+    """What tells screen content."""
 
-    Attributes
-    ----------
-    flat
-        The fraction of pairs of neighbours in a row that are equal.
-    sharp
-        The fraction of pairs of neighbours, in rows and columns, with a sharp edge between them.
-    share
-        The fraction of sharp ones among all edges.
-    edge_pixels
-        The number of pixels at a sharp edge, about.
-    """
-
-    flat: float
-    sharp: float
-    share: float
-    edge_pixels: int
+    flat: float  # the fraction of pairs of neighbours in a row that are equal
+    sharp: float  # the fraction of pairs of neighbours, in rows and columns, with a sharp edge between them
+    share: float  # the fraction of sharp ones among all edges
+    edge_pixels: int  # the number of pixels at a sharp edge, about
 
     @classmethod
     def of(cls, frame: Frame, peak: int) -> Self:
@@ -96,12 +84,7 @@ class Sharpness:
 def screen_note(frame: Frame, peak: int, settings: Settings) -> str | None:
     """What is to be expected of a frame (H, W, 3) u1 or u2 that looks like a screen, or None if nothing bad is.
 
-    Parameters
-    ----------
-    frame, peak
-        The frame, with samples of 0..peak.
-    settings
-        Those that it is to be encoded with.
+    The frame has samples of 0..peak, and is to be encoded with the settings.
     """
     sharpness = Sharpness.of(frame, peak)
     if not sharpness.is_screen:

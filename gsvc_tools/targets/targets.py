@@ -71,11 +71,8 @@ def encode_to_goal(
 
     The report is that of the pass that is kept, with the time of all passes, and notes tell what was reached.
 
-    Raises
-    ------
-    UsageError
-        With `live`, since the first frame is final only when the whole clip has been encoded once; without a program
-        that has VMAF; or the source can be read once only and its frames do not fit into a temporary file.
+    A UsageError refuses `live`, since the first frame is final only when the whole clip has been encoded once, VMAF
+    without a program that has it, and a source that can be read once only and does not fit into a temporary file.
     """
     if live:
         raise UsageError(f"{settings.goal} needs every frame twice, and a live stream is written at once: drop one")
