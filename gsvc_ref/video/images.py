@@ -22,6 +22,8 @@ from gsvc_ref.video.stream import VideoReader, VideoWriter
 
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+MAX_FILE: Final = 1 << 30
+"""Maximum number of bytes of a picture's file, which is read at once."""
 GAPS_NAMED: Final = 4
 """Gaps in the numbers of pictures that a note names."""
 ASSUMED_RATE: Final = Fraction(25)
@@ -75,6 +77,15 @@ def decode_image(data: bytes, name: str) -> PngImage:
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
 
 
+def read_image(path: Path, name: str) -> PngImage:
+    """Decode a PNG or JPEG file, which is called `name`; what is no file, or larger than MAX_FILE, is not read."""
+    if not path.is_file():
+        raise UsageError(f"{name} is not a regular file; give a PNG or JPEG picture")
+    if (size := path.stat().st_size) > MAX_FILE:
+        raise GsvcError("limit", f"{name} has {size} bytes; a picture takes at most {MAX_FILE}: export it again")
+    return decode_image(path.read_bytes(), name)
+
+
 class ImageReader(VideoReader):
     """A reader of pictures as the frames of a video: files in order, or the contents of one; at least one.
 
@@ -97,7 +108,8 @@ class ImageReader(VideoReader):
 
     def _load(self, index: int) -> PngImage:
         source = self._sources[index]
-        image = decode_image(source.read_bytes() if isinstance(source, Path) else source, self._label(index))
+        name = self._label(index)
+        image = read_image(source, name) if isinstance(source, Path) else decode_image(source, name)
         for sentence in image.notes:
             self.note(sentence)
         return image

@@ -301,9 +301,8 @@ def test_who_has_shown_the_token_may_stay(server, clock):
             assert connection.getresponse().read() == STREAM
             assert connection.sock is not None
             connection.auto_open = False  # another connection would be no proof
-            for _ in range(MOST_STRANGERS + 1):
-                stack.enter_context(stranger(server))
-            accepted(server, MOST_STRANGERS)
+            waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 1)]
+            assert ends(waiting[0])  # so all have come
             clock(STRANGER_S)
             accepted(server, 0)
 
