@@ -11,12 +11,23 @@ from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.reading import read_json
 from gsvc_conformance.report.console import conclusion, ratio_text
 from gsvc_conformance.results import Report, Summary
-from gsvc_conformance.schema import LIST, NAMED_TEXTS, NEEDED, NUMBER, OBJECT, TEXT, Schema, checked, cut
+from gsvc_conformance.schema import (
+    LIST,
+    NAMED_TEXTS,
+    NEEDED,
+    NUMBER,
+    OBJECT,
+    TEXT,
+    Kind,
+    Schema,
+    checked,
+    cut,
+)
 
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
 SPEEDS_FIELDS: Final[Schema] = {
-    "date": (TEXT, NEEDED), "machine": (NAMED_TEXTS, NEEDED), "works": (NAMED_TEXTS, NEEDED),
+    "form": (Kind(SPEEDS, lambda value: value == SPEEDS), NEEDED), "date": (TEXT, NEEDED), "machine": (OBJECT, NEEDED), "works": (NAMED_TEXTS, NEEDED),
     "implementations": (LIST, NEEDED),
 }  # fmt: skip
 MEASURED: Final[Schema] = {
@@ -73,15 +84,15 @@ def read_speeds(path: Path) -> dict[str, Any]:
         It is something else.
     """
     value = read_json(path)
-    if not isinstance(value, dict) or value.get("form") != SPEEDS:
-        raise UsageError(f"{path} has not the form {SPEEDS} that `python -m gsvc_lab.benchmarks.adapters` writes")
-    found = checked(value, SPEEDS_FIELDS, str(path))
-    found["implementations"] = [
-        checked(one, MEASURED, f"an implementation of {path}") for one in found["implementations"]
-    ]
-    for one in found["implementations"]:
-        for work, times in one["seconds"].items():
-            one["seconds"][work] = checked(times, {"median": (NUMBER, NEEDED)}, f"{cut(work)} of {path}")
+    try:
+        found = checked(value, SPEEDS_FIELDS, "the file")
+        found["implementations"] = [checked(one, MEASURED, "an implementation") for one in found["implementations"]]
+        for one in found["implementations"]:
+            for work, times in one["seconds"].items():
+                one["seconds"][work] = checked(times, {"median": (NUMBER, NEEDED)}, cut(work))
+    except UsageError as error:
+        writes = "that `python -m gsvc_lab.benchmarks.adapters` writes"
+        raise UsageError(f"{path} has not the form {SPEEDS} {writes}: {error}") from None
     return found
 
 
