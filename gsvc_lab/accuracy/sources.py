@@ -54,8 +54,8 @@ def scene_source(name: str, number: int = 0) -> Source:
 def clip_source(path: str, number: int = 0) -> Source:
     """A frame of a video, a folder of pictures or a picture.
 
-    A UsageError says that there is no such frame, or that the file is not one that is encoded. A GsvcError says that it cannot
-    be read as video.
+    A UsageError says that there is no such frame, or that the file is not one that is encoded. A GsvcError says
+    that it cannot be read as video.
     """
     with open_video(path) as reader:
         return Source(path, number, _pick(reader, path, number), reader.format.bit_depth)

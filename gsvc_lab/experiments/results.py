@@ -71,8 +71,8 @@ def command_line(experiment: Experiment, run: Run) -> str:
 def check(made: Any, where: str) -> None:
     """Refuse what is no record.
 
-    A UsageError says that a key is missing or of another type, a verdict is not one, or a row of a table has not one cell
-    for each column.
+    A UsageError says that a key is missing or of another type, a verdict is not one, or a row of a table has not
+    one cell for each column.
     """
     if not isinstance(made, dict) or made.get("format") != FORMAT:
         raise UsageError(f"{where} is not a result of format {FORMAT}; run the experiment again")
