@@ -193,6 +193,12 @@ def remove_leftover(path: Path) -> None:
             path.unlink()
 
 
+def remove_leftovers(folder: Path, names: str) -> None:
+    """Remove partial files of targets with such names, given as for `Path.glob`, whose processes are gone."""
+    for path in folder.glob(f".{names}.*.part"):
+        remove_leftover(path)
+
+
 def open_at_once(path: str, flags: int, dir_fd: int | None = None) -> int:
     """Open a path that may be anything: a pipe would be waited for, a link may lead anywhere."""
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0), 0o666, dir_fd=dir_fd)

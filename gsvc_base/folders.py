@@ -11,7 +11,7 @@ import json
 import os
 import shutil
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import partial
 from hashlib import sha256
@@ -221,8 +221,9 @@ class OwnFolder:
         FileNotFoundError, StrangeFileError, OSError
             As from `read`.
         """
+        data = self.read(name, MAX_RECORD)
         try:
-            fields = json.loads(self.read(name, MAX_RECORD))
+            fields = json.loads(data)
             signature = fields.pop(SIGNATURE, None)
         except (ValueError, AttributeError, TypeError, RecursionError):
             return Record({}, is_signed=False)
@@ -289,6 +290,13 @@ class OwnFolder:
             yield here
         finally:
             here.close()
+
+
+def prepare_folder(path: Path, record: str, files: Iterable[str]) -> None:
+    """Make a folder ready for files that others write: those that its record lists go, and it lists these."""
+    with OwnFolder(path, mode=0o755, group=True) as own:
+        own.remove_listed(record)
+        own.write_record(record, {"files": sorted(files)})
 
 
 def read_regular(path: Path, most: int) -> bytes:
@@ -404,7 +412,7 @@ def _check_folder(status: os.stat_result, path: Path, others: int | None) -> Non
     if stat.S_ISLNK(status.st_mode):
         raise UsageError(f"{path} is a link, where a folder of yours must be: remove the link, or choose another name")
     if not stat.S_ISDIR(status.st_mode):
-        raise UsageError(f"{path} is not a folder: remove it, or choose another name")
+        raise UsageError(f"{path} is a file, where a folder of yours must be: remove it, or choose another name")
     if hasattr(os, "geteuid") and others is not None:
         if status.st_uid != os.geteuid():
             raise UsageError(f"{path} belongs to another user, who can change what is in it: choose another name")

@@ -119,7 +119,7 @@ def _base() -> Path | None:
     Warns where kernels cannot be kept, or not in the folder that the user chose.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen and _is_own(_home(Path(chosen), PACKAGE.name)):
+    if chosen and _is_own(_home(Path(chosen), "gsvc_ref")):
         return Path(chosen).absolute()
     base = next(filter(_is_own, _usual_bases()), None)
     if base is None:

@@ -96,7 +96,7 @@ def test_a_folder_that_others_can_write_to_is_refused(tmp_path):
     with pytest.raises(UsageError, match="others can write to"):
         OwnFolder(tmp_path / f"{0o757}", group=True)
     (tmp_path / "file").touch()
-    with pytest.raises(UsageError, match="file is not a folder"):
+    with pytest.raises(UsageError, match="file is a file, where a folder of yours must be"):
         OwnFolder(tmp_path / "file")
 
 

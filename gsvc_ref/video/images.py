@@ -15,7 +15,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError, naming
-from gsvc_base.files import PartialFile, check_parent, remove_leftover
+from gsvc_base.files import PartialFile, check_parent, remove_leftovers
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
@@ -177,8 +177,7 @@ class ImageFolderWriter(VideoWriter):
         elif list_images(folder):
             raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
         else:
-            for path in folder.glob(".frame_*.png.*.part"):
-                remove_leftover(path)
+            remove_leftovers(folder, "frame_*.png")
         self._folder = folder
         self._written: list[Path] = []
 
