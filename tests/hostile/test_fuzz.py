@@ -21,6 +21,7 @@ from fuzz.layout import elements, split
 from fuzz.stream_mutations import MUTATIONS, mutate_stream
 
 from gsvc_base.errors import GsvcError
+from gsvc_base.files import PartialFile
 from gsvc_conformance.cases.faulty import faults
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import categories_of
@@ -159,7 +160,7 @@ PLANTED: dict[str, tuple[str, str, Any]] = {
     "an empty run has a last element": (
         "listing", "gsvc_tools.listing.Entry.item_at", lambda run, bit: run if run.count == 1 else next(run.items()),
     ),
-    "an export is left half done": ("export", "gsvc_base.files.PartialFile.discard", nothing),
+    "what is half done is left": ("import", "gsvc_base.files.PartialFile.discard", PartialFile._unlock),
 }  # fmt: skip
 """Defects: the target that must find them, and what (of gsvc_ref, where no package is named) is replaced by what."""
 
