@@ -10,7 +10,7 @@ from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
 
-MOST_VIEWED_BYTES: Final = 1 << 30
+MAX_VIEWED_BYTES: Final = 1 << 30
 """Bytes of frames that are kept in a temporary file: 172 frames of 1920 × 1080, so that going back reads no video."""
 
 
@@ -20,7 +20,7 @@ class SourceFrames:
     `most_kept` bytes of frames are kept on disk; those after them are read again when someone goes back.
     """
 
-    def __init__(self, name: str, first: int = 0, most_kept: int = MOST_VIEWED_BYTES) -> None:
+    def __init__(self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES) -> None:
         self.name, self._first = name, first
         self._reader: VideoReader = open_video(name)
         self.format: VideoFormat = self._reader.format
