@@ -25,6 +25,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from reprlib import repr as short
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -163,7 +164,7 @@ def effect_class(kind: str) -> type[Effect]:
         There is no such effect.
     """
     if kind not in EFFECTS:
-        raise UsageError(f"there is no effect {kind!r}; there are {', '.join(EFFECTS)}")
+        raise UsageError(f"there is no effect {short(kind)}; there are {', '.join(EFFECTS)}")
     module = import_module(f"gsvc_lab.scenes.effects.{kind.replace('-', '_')}")
     effect: type[Effect] = module.EFFECT
     return effect

@@ -13,9 +13,9 @@ from gsvc_base.draws import Draws
 from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_tools.viewing.server import Viewing, serving
-from gsvc_tools.viewing.streams import WholeFile
+from gsvc_tools.viewing.streams import GrowingFile, WholeFile
 
-ASKED = "!document.querySelector('#ask').hidden"
+ASKED = "() => !document.querySelector('#ask').hidden"
 COUNT_STEPS = """
 () => {
   window.steps = 0;
@@ -105,17 +105,21 @@ def test_layers_are_chosen_without_another_question(viewer, tmp_path):
     assert page.is_hidden("#ask")
 
 
+@pytest.mark.parametrize("stream", [WholeFile, GrowingFile])
 @pytest.mark.parametrize("level", [3, 4])
-def test_gsvc_view_asks_as_well(new_page, tmp_path, level):
+def test_gsvc_view_asks_as_well(new_page, tmp_path, level, stream):
     path = of_level(tmp_path, level)
     page = new_page()
-    with serving(Viewing(path.name, WholeFile(path))) as server:
+    with serving(Viewing(path.name, stream(path))) as server:
         page.goto(f"{server.url}&renderer=webgl2")
         if level > 3:
             page.wait_for_function(ASKED)
             assert "still shown" not in page.text("#ask")
+            assert page.is_hidden("#busy")
             page.click("#decode")
         titled(page, path.name)
+        page.wait_for_function("() => document.querySelector('#file').textContent.includes('3 at 25 a second')")
+        assert page.is_hidden("#ask")
 
 
 def test_frames_that_take_long_are_shown_in_the_end(viewer, tmp_path):
@@ -205,3 +209,32 @@ def test_a_frame_is_rendered_in_steps(new_page):
     }
     """
     assert page.evaluate(script, splats.ravel().tolist()) == [7, True, True, True]
+
+
+def test_no_frame_is_left_out_while_another_is_late(new_page):
+    page = new_page()
+    page.goto(web_pages.INDEX.as_uri())
+    script = """
+    () => {
+      const waiting = [];
+      const { requestAnimationFrame } = window;
+      window.requestAnimationFrame = (step) => waiting.push(step);
+      const shown = [];
+      const player = new GSVC.Player((n) => shown.push(n), () => {});
+      player.load(100, 10); // each is shown for 100 ms
+      player.play();
+      let now = 0;
+      const wait = (milliseconds) => {
+        now += milliseconds;
+        waiting.shift()(now);
+      };
+      for (const milliseconds of [0, 110]) wait(milliseconds);
+      player.late = true;
+      for (let i = 0; i < 20; i++) wait(100);
+      player.late = false;
+      for (const milliseconds of [16, 50, 60, 110]) wait(milliseconds);
+      window.requestAnimationFrame = requestAnimationFrame;
+      return shown;
+    }
+    """
+    assert page.evaluate(script) == [0, 1, 2, 3]
