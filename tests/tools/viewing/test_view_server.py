@@ -273,6 +273,7 @@ def ends(connection):
 def clock(monkeypatch):
     """clock(seconds): the time of the server goes on by so much, and not by itself."""
     now = [0.0]
+    monkeypatch.setattr(server_module.Handler, "timeout", None)
     monkeypatch.setattr(server_module, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=time.sleep))
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
