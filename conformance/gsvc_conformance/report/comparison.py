@@ -27,7 +27,8 @@ from gsvc_conformance.schema import (
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""
 SPEEDS_FIELDS: Final[Schema] = {
-    "form": (Kind(SPEEDS, lambda value: value == SPEEDS), NEEDED), "date": (TEXT, NEEDED), "machine": (OBJECT, NEEDED), "works": (NAMED_TEXTS, NEEDED),
+    "form": (Kind(SPEEDS, lambda value: value == SPEEDS), NEEDED),
+    "date": (TEXT, NEEDED), "machine": (OBJECT, NEEDED), "works": (NAMED_TEXTS, NEEDED),
     "implementations": (LIST, NEEDED),
 }  # fmt: skip
 MEASURED: Final[Schema] = {
