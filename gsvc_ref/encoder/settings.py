@@ -352,7 +352,15 @@ class MainSettings(Settings):
             return self.with_splats(self.layer_splats[-1]).splat_count(width, height)
         if self.layers:
             return replace(self, layers=(), psnr=self.layers[-1]).most_splats(width, height)
+        if self.splats is None and width * height < PIXELS_PER_SPLAT:
+            return width * height
         return super().most_splats(width, height)
+
+    def splat_count(self, width: int, height: int) -> int:
+        """N for a frame of this size: by default one for PIXELS_PER_SPLAT pixels, and for each where they are fewer."""
+        if self.splats is None and width * height < PIXELS_PER_SPLAT:
+            return width * height
+        return super().splat_count(width, height)
 
     def told_splats(self, width: int, height: int) -> int | None:
         """N for a frame of this size; None where it follows from a quality or another goal."""

@@ -13,6 +13,7 @@ import numpy as np
 from PIL.PngImagePlugin import PngImageFile
 
 from gsvc_base.arrays import I2, U1, Frame
+from gsvc_base.checks import check_unmasked
 from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
@@ -244,6 +245,7 @@ def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None 
 
     Primaries and transfer that are specified are stored in a chunk cICP.
     """
+    check_unmasked("the frame", frame)
     height, width, _ = frame.shape
     depth, pixels = 8, frame
     header = b""
