@@ -15,9 +15,10 @@ from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import decibel, duration, show
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.cli.encode_text import progress_callback, summary
+from gsvc_ref.cli.encode_text import summary
 from gsvc_ref.cli.files import describe_format
-from gsvc_ref.cli.info import bit_lines
+from gsvc_tools.cli.encode_progress import progress_callback
+from gsvc_tools.cli.info import bit_lines
 
 if TYPE_CHECKING:
     from gsvc_lab.pages.data import ReportData

@@ -17,13 +17,7 @@ from gsvc_base.cli.parser import Parser, suggestion
 from gsvc_base.interrupts import termination_as_ctrl_c
 from gsvc_ref import __version__, plugins
 
-MODULES: Final = {
-    "encode": "gsvc_ref.cli.encode",
-    "decode": "gsvc_ref.cli.decode",
-    "info": "gsvc_ref.cli.info",
-    "dump": "gsvc_ref.cli.dump",
-    "compare": "gsvc_ref.cli.compare",
-}
+MODULES: Final = {"encode": "gsvc_ref.cli.encode", "decode": "gsvc_ref.cli.decode"}
 """The module of each command of this package."""
 
 ORDER: Final = ("encode", "decode", "view", "info", "dump", "compare", "concat", "cut", "import", "export")

@@ -1,13 +1,10 @@
-"""The notice that kernels are being compiled, and the choice to do without the compiler where little is to be read."""
+"""The notice that kernels are being compiled."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.cli.errors import say
-from gsvc_ref._jit import SMALL_TO_READ, plain_kernels
-from gsvc_ref.cli.files import STDIO
 
 COMPILE_EVENT: Final = "numba:compile"
 """Name of the event that Numba broadcasts when it compiles, and not when it finds a kernel in its cache."""
@@ -49,15 +46,3 @@ def compilation_notice(command: str, *, silent: bool) -> Iterator[CompilationNot
     else:
         with event.install_listener(COMPILE_EVENT, Listener()):
             yield notice
-
-
-@contextmanager
-def reading(command: str, *names: str, silent: bool, small: int = SMALL_TO_READ) -> Iterator[None]:
-    """Read streams: without the compiler if they are files of `small` bytes at most, else with `compilation_notice`."""
-    files = [Path(name) for name in names]
-    if STDIO not in names and all(map(Path.is_file, files)) and sum(file.stat().st_size for file in files) <= small:
-        with plain_kernels():
-            yield
-    else:
-        with compilation_notice(command, silent=silent):
-            yield

@@ -13,13 +13,12 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli.encode_options import add_options, make_settings
-from gsvc_ref.cli.encode_page import check_page, without_page, write_page
-from gsvc_ref.cli.encode_text import describe_settings, progress_callback, report_object, summary
+from gsvc_ref.cli.encode_text import describe_settings, frame_progress, report_object, summary
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, describe_format, display_name
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
-    from gsvc_ref.encoder import EncodeReport
+    from gsvc_ref.encoder import EncodeReport, Progress
     from gsvc_ref.video import VideoReader, VideoSource
 
 GSVC_ENCODE: Final = "gsvc encode"
@@ -49,8 +48,11 @@ class Extras:
     opens_again: "Callable[[Settings], bool]" = lambda settings: False
     # Called with the source before it is encoded, so that it may get notes.
     look: "Callable[[VideoReader, Settings], None]" = lambda reader, settings: None
+    # What shows the progress of `gsvc_ref.encode`.
+    progress: "Callable[[ProgressDisplay], Callable[[Progress], None] | None]" = frame_progress
     notes: "Callable[[EncodeReport], list[str]]" = lambda report: []  # sentences on the encode
-    advice: Callable[[], str] = lambda: ""  # the end of a sentence on an interrupted encode
+    advice: "Callable[[EncodeReport], str]" = lambda report: ""  # the end of a sentence on one that ended early
+    after: "Callable[[EncodeReport], int]" = lambda report: 0  # what follows a complete one; its exit code
 
 
 PLAIN: Final = Extras()
@@ -97,7 +99,6 @@ def check_names(arguments: Namespace) -> None:
     check_input(arguments.input, folder_allowed=True)
     check_output(arguments.output, arguments.input)
     check_stream_name(arguments.output, force=arguments.force)
-    check_page(arguments)
 
 
 def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
@@ -120,10 +121,9 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
-                progress = progress_callback(display)
                 report = encode(
                     source if extras.opens_again(settings) else reader, arguments.output, settings,
-                    live=arguments.live, progress=progress, **extras.options,
+                    live=arguments.live, progress=extras.progress(display), **extras.options,
                 )  # fmt: skip
         except IncompleteEncodeError as error:
             fault, report = error, error.report
@@ -139,12 +139,12 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
-        say(GSVC_ENCODE, str(fault) + without_page(arguments))
+        say(GSVC_ENCODE, str(fault) + extras.advice(report))
         return EXIT_DATA
     if report.interrupted:
-        say(GSVC_ENCODE, _interrupted(arguments.output, report) + extras.advice() + without_page(arguments))
+        say(GSVC_ENCODE, _interrupted(arguments.output, report) + extras.advice(report))
         return EXIT_INTERRUPTED
-    return write_page(arguments, report)
+    return extras.after(report)
 
 
 def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:

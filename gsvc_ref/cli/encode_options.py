@@ -124,10 +124,6 @@ def add_options(parser: ArgumentParser) -> None:
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
-    other.add_argument(
-        "--report", metavar="PAGE.html",
-        help="then write a page to look at: pictures, PSNR, bits, what x264 needs (gsvc report makes it later, too)",
-    )  # fmt: skip
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 

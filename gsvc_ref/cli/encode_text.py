@@ -1,28 +1,19 @@
-"""What ``gsvc encode`` says: settings, progress, and the result in lines or as JSON."""
+"""What ``gsvc encode`` says: settings, which frame it is at, and the result in lines or as JSON."""
 
 from argparse import Namespace
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import decibel, duration, plural, to_json
-from gsvc_ref.cli.decisions import effects_line
 from gsvc_ref.cli.files import display_name
-from gsvc_ref.cli.time_left import GroupsTimeLeft, TimeLeft
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport, Progress
+    from gsvc_ref.encoder.log import Decision
     from gsvc_ref.video import VideoFormat
-
-STAGES: Final = {
-    "detect": "looking for cuts",
-    "encode": "encoding",
-    "fit": "fitting",
-    "quantize": "quantising",
-}
-"""The stages of an encode in words."""
 
 GOAL_TEXT: Final = {
     "bitrate": "{:,.0f} bit/s",
@@ -31,9 +22,6 @@ GOAL_TEXT: Final = {
     "vmaf": "a mean VMAF of {:g}",
 }
 """The goals of a whole clip in words."""
-
-FIT_SHARE: Final = 0.6
-"""The share of a frame's time that its first stage takes, roughly, for the estimate of the time left."""
 
 
 def describe_settings(settings: "Settings", width: int, height: int) -> str:
@@ -70,62 +58,14 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
     )
 
 
-def progress_callback(display: ProgressDisplay) -> "Callable[[Progress], None] | None":
-    """The function that shows the progress of `gsvc_ref.encode`; None when nothing is to be shown."""
-    if not display.active:
-        return None
-    done, kept = 0.0, 0
-    side_by_side, pass_name = False, ""
-    left, groups_left = TimeLeft(), GroupsTimeLeft()
+def frame_progress(display: ProgressDisplay) -> "Callable[[Progress], None]":
+    """The function that shows which frame is being encoded."""
 
     def show(progress: "Progress") -> None:
-        nonlocal done, kept, side_by_side, pass_name, left, groups_left
-        if progress.step != pass_name:  # another pass
-            pass_name, done, side_by_side = progress.step, 0.0, False
-            left, groups_left = TimeLeft(), GroupsTimeLeft()
-        if progress.stage == "groups":
-            side_by_side, done = True, progress.frame + 1
-            rest = None if progress.frame_count is None else progress.frame_count - progress.kept
-            seconds = groups_left.update(progress.frame + 1 - progress.kept, progress.elapsed_s, rest)
-            work = f"{plural(progress.iteration, 'group')} of pictures in work"
-            text = f"{progress.frame + 1}{_of_all(progress)} frames  {work}{_pace(progress, groups_left.rate)}"
-            display.update(_with_pass(pass_name, text), done, progress.frame_count, left_s=seconds, guess=False)
-            return
-        if side_by_side:  # it reads ahead
-            return
-        share = progress.iteration / progress.iterations if progress.iterations else 0.0
-        if progress.stage == "encode":
-            done = max(done, progress.frame + share)
-        elif progress.stage == "fit":
-            done = max(done, progress.frame + share * FIT_SHARE)
-        elif progress.stage == "quantize":  # once or, with a PSNR to reach, several times
-            done = max(done, progress.frame + FIT_SHARE + share * (1 - FIT_SHARE))
-        seconds = None
-        if progress.kept != kept:  # this frame took no time, and the next one that does begins a group
-            kept, left = progress.kept, TimeLeft()
-        elif progress.stage != "detect":
-            part = max(0.0, done - progress.frame)
-            seconds = left.update(progress.frame, part, progress.elapsed_s, progress.frame_count)
-        psnr = f"  {decibel(progress.psnr)}" if progress.psnr is not None else ""
-        iterations = f" {progress.iteration}/{progress.iterations}" if progress.iterations else ""
-        stage = f"{STAGES.get(progress.stage, progress.stage)}{iterations}{psnr}"
-        text = f"frame {progress.frame + 1}{_of_all(progress)}  {stage}{_pace(progress, left.rate)}"
-        display.update(_with_pass(pass_name, text), done, progress.frame_count, left_s=seconds, guess=False)
+        of_all = f"/{progress.frame_count}" if progress.frame_count else ""
+        display.update(f"frame {progress.frame + 1}{of_all}", progress.frame, progress.frame_count)
 
     return show
-
-
-def _of_all(progress: "Progress") -> str:
-    return f"/{progress.frame_count}" if progress.frame_count else ""
-
-
-def _pace(progress: "Progress", rate: float) -> str:
-    """Frames per second, where nobody can say how long it will take."""
-    return f"  {rate:.3g} frames/s" if progress.frame_count is None and rate else ""
-
-
-def _with_pass(pass_name: str, text: str) -> str:
-    return f"{pass_name}: {text}" if pass_name else text
 
 
 def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
@@ -149,6 +89,26 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
         + (" with the compilation of kernels" if compiled else "")
         + (f" ({shares})" if shares else ""),
     ]
+
+
+def effects_line(decisions: "Sequence[Sequence[Decision]]", types: Sequence[str]) -> str:
+    """One line that counts what was done and what was left out."""
+    predicted = types.count("P")
+
+    def done(effect: str, kinds: str) -> int:
+        pairs = zip(decisions, types, strict=True)
+        return sum(one.done for frame, kind in pairs if kind in kinds for one in frame if one.effect == effect)
+
+    parts = [f"{plural(types.count('R'), 'frame')} repeated"] if "R" in types else []
+    parts.append(f"DKS pre-trained {done('dks', 'IPR')} of {plural(len(types), 'frame')}")
+    if predicted:
+        whole = done("regions", "P")
+        parts.append(f"GSA in {done('gsa', 'P')} of {plural(predicted, 'P-frame')}")
+        parts.append(f"static splats in {predicted - whole}")
+        parts.append(f"motion in {done('motion', 'P')}")
+    parts.append(f"pruning in {done('gsp', 'IP')}")
+    saved = sum(one.saved for frame in decisions for one in frame)
+    return ", ".join(parts) + (f"; {plural(saved, 'iteration')} saved" if saved else "")
 
 
 def is_one_group(report: "EncodeReport") -> bool:

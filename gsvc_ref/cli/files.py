@@ -98,19 +98,6 @@ def _is_read(path: Path, source: str) -> bool:
     return os.path.samefile(path, source)
 
 
-def holds_stream(name: str) -> bool:
-    """Whether a file is, or claims by its name to be, a GSVC stream."""
-    from gsvc_ref.bitstream.chunks import MAGIC
-
-    path = Path(name)
-    if path.suffix.lower() == STREAM_SUFFIX:
-        return True
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
-
-
 def open_stream(name: str, *, salvage: bool = False, max_level: int = 5, layer: int | None = None) -> "Stream":
     """Open a GSVC stream of a level up to `max_level`, or standard input, which is read as it comes.
 

@@ -47,7 +47,7 @@ def run(arguments: Namespace) -> int:
         check_output(arguments.output, name)
     check_stream_name(arguments.output, force=arguments.force)
     from gsvc_ref._jit import SMALL_TO_COPY
-    from gsvc_ref.cli.compilation import reading
+    from gsvc_tools.cli.reading import reading
 
     silent = arguments.quiet or arguments.json
     try:

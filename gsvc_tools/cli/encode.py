@@ -1,4 +1,4 @@
-"""``gsvc encode`` with all of its options: resampling, jobs, many machines, resuming, and a dry run."""
+"""``gsvc encode`` with all of its options: resampling, jobs, many machines, resuming, a page, and a dry run."""
 
 from argparse import Namespace
 from concurrent.futures import Executor
@@ -11,6 +11,8 @@ from gsvc_ref.cli import encode as plain
 from gsvc_ref.cli.encode_options import make_settings
 from gsvc_ref.cli.encode_text import is_one_group
 from gsvc_ref.cli.files import check_input, check_output, check_stream_name
+from gsvc_tools.cli.encode_page import check_page, without_page, write_page
+from gsvc_tools.cli.encode_progress import progress_callback
 from gsvc_tools.cli.where import add_where_options, opened_executor, resume_folder, started_processes
 
 if TYPE_CHECKING:
@@ -36,6 +38,11 @@ def add_command(commands: Any) -> None:
         help="another frame rate, as 12.5 or 30000/1001: at each time the frame that is shown then",
     )  # fmt: skip
     add_where_options(parser)
+    page = parser.add_argument_group("page")
+    page.add_argument(
+        "--report", metavar="PAGE.html",
+        help="then write a page to look at: pictures, PSNR, bits, what x264 needs (gsvc report makes it later, too)",
+    )  # fmt: skip
 
 
 def run(arguments: Namespace) -> int:
@@ -45,6 +52,7 @@ def run(arguments: Namespace) -> int:
     if arguments.output is None:
         raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
     plain.check_names(arguments)
+    check_page(arguments)
     return plain.unless_interrupted(lambda: _encode(arguments))
 
 
@@ -87,13 +95,20 @@ def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: 
         if (note := screen_note(first, reader.format.peak, settings)) is not None:
             reader.note(note)
 
+    def advice(report: "EncodeReport") -> str:
+        """What to do about an encode that ended early."""
+        goes_on = report.interrupted and folder is not None and folder.exists()
+        return (RESUME if goes_on else "") + without_page(arguments)
+
     return plain.Extras(
         source=_resampled,
         options={"jobs": jobs, "executor": executor, "resume": folder},
         opens_again=lambda settings: settings.goal is not None and is_readable_again,
         look=look,
+        progress=progress_callback,
         notes=lambda report: _notes(report, jobs, folder),
-        advice=lambda: RESUME if folder is not None and folder.exists() else "",
+        advice=advice,
+        after=lambda report: write_page(arguments, report),
     )
 
 

@@ -13,8 +13,8 @@ from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import decibel, plural, print_json, show, to_json
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.cli.encode_text import progress_callback
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
+from gsvc_tools.cli.encode_progress import progress_callback
 
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport

@@ -10,11 +10,12 @@ from conftest import QUICK, video_format
 
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.cli import main
-from gsvc_ref.cli.decisions import MAX_RUNS, decision_lines, effects_line
+from gsvc_ref.cli.encode_text import effects_line
 from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_writer
+from gsvc_tools.cli.decisions import MAX_RUNS, decision_lines
 
 
 def encode(clip, path, *options) -> int:

@@ -11,8 +11,8 @@ import pytest
 from gsvc_conformance.spec import SPEC
 from gsvc_conformance.vector import VECTORS
 from gsvc_ref.cli import main
-from gsvc_ref.stream.listing import list_elements, name_at, place_of
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
+from gsvc_tools.listing import list_elements, name_at, place_of
 from tests.hostile.hostile_streams import chunk
 
 RICH = write_stream(RICH_HEADER, rich_frames())

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from gsvc_ref.cli import main
-from gsvc_ref.cli.compilation import reading
+from gsvc_tools.cli.reading import reading
 
 LOADED = """
 import json, sys

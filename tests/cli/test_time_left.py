@@ -2,9 +2,9 @@
 
 import pytest
 
-from gsvc_ref.cli.encode_text import progress_callback
-from gsvc_ref.cli.time_left import INTER_SHARE, GroupsTimeLeft, TimeLeft
 from gsvc_ref.encoder import Progress
+from gsvc_tools.cli.encode_progress import progress_callback
+from gsvc_tools.cli.time_left import INTER_SHARE, GroupsTimeLeft, TimeLeft
 
 
 def test_the_first_frame_tells_something_while_it_is_in_work():

@@ -15,8 +15,8 @@ from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_conformance.vector import VECTORS
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.stream import StreamReader
-from gsvc_ref.stream.listing import list_elements
 from gsvc_ref.testing import RICH_HEADER, random_main_stream, rich_frames, write_stream
+from gsvc_tools.listing import list_elements
 from tests.kaitai.compiler import ROOT, SOURCE, compile_to, missing
 from tests.kaitai.diagram import readable
 

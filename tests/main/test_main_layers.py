@@ -19,11 +19,11 @@ from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import Layers
 from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamWriter
-from gsvc_ref.stream.listing import list_elements, place_of
 from gsvc_ref.testing import OVERVIEW_HEADER, join_chunks, main_streams, overview_frames, split_chunks, write_stream
 from gsvc_ref.testing import random_streams as random
 from gsvc_ref.testing.choices import SeededChoices
 from gsvc_ref.testing.random_main_streams import make_main_frame
+from gsvc_tools.listing import list_elements, place_of
 from tests.main.material import damages, flipped, with_payload
 
 HEADER = SequenceHeader(

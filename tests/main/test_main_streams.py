@@ -16,10 +16,10 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import MAIN_CATEGORIES, Element
 from gsvc_ref.bitstream.header import MAIN, header_elements
 from gsvc_ref.stream import StreamReader, StreamWriter
-from gsvc_ref.stream.listing import list_elements, place_of
 from gsvc_ref.stream.profiles import profile_of
 from gsvc_ref.testing import OVERVIEW_HEADER, main_streams, overview_frames, write_stream
 from gsvc_ref.testing.random_streams import Stream
+from gsvc_tools.listing import list_elements, place_of
 from tests.main.material import HEADER, both, codes_of, stream_of
 
 ROOM = Path(gsvc_ref.__file__).parent / "main"

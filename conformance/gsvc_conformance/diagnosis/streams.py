@@ -49,7 +49,7 @@ def element_at(stream: bytes, bit: int) -> str:
     gsvc_ref finds it; where that is not installed, it is ''.
     """
     try:
-        from gsvc_ref.stream.listing import place_of
+        from gsvc_tools.listing import place_of
     except ModuleNotFoundError:
         return ""
     entry = place_of(stream, bit).entry
@@ -64,7 +64,7 @@ def elements_named(vector: Vector, *texts: object) -> str:
     gsvc_ref finds them; where that is not installed, nothing is said.
     """
     try:
-        from gsvc_ref.stream.listing import name_at
+        from gsvc_tools.listing import name_at
     except ModuleNotFoundError:
         return ""
     bits = dict.fromkeys(text.split()[2] for text in texts if isinstance(text, str) and len(text.split()) == 3)

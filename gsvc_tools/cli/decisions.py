@@ -1,4 +1,4 @@
-"""The decisions of an encoder in lines, for ``gsvc encode`` and ``gsvc info --decisions``."""
+"""The decisions of an encoder in lines, for ``gsvc info --decisions``."""
 
 import re
 from collections import Counter
@@ -32,26 +32,6 @@ class Run(NamedTuple):
     def __str__(self) -> str:
         frames = f"{self.first}" if self.first == self.last else f"{self.first}-{self.last}"
         return f"    {frames:>11}  {'done' if self.done else 'left out':8}  {self.reason}"
-
-
-def effects_line(decisions: "Decisions", types: Sequence[str]) -> str:
-    """One line that counts what was done and what was left out."""
-    predicted = types.count("P")
-
-    def done(effect: str, kinds: str) -> int:
-        pairs = zip(decisions, types, strict=True)
-        return sum(one.done for frame, kind in pairs if kind in kinds for one in frame if one.effect == effect)
-
-    parts = [f"{plural(types.count('R'), 'frame')} repeated"] if "R" in types else []
-    parts.append(f"DKS pre-trained {done('dks', 'IPR')} of {plural(len(types), 'frame')}")
-    if predicted:
-        whole = done("regions", "P")
-        parts.append(f"GSA in {done('gsa', 'P')} of {plural(predicted, 'P-frame')}")
-        parts.append(f"static splats in {predicted - whole}")
-        parts.append(f"motion in {done('motion', 'P')}")
-    parts.append(f"pruning in {done('gsp', 'IP')}")
-    saved = sum(one.saved for frame in decisions for one in frame)
-    return ", ".join(parts) + (f"; {plural(saved, 'iteration')} saved" if saved else "")
 
 
 def stream_decisions(summary: "StreamSummary") -> "tuple[Decisions, str | None]":

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_base.cli.arguments import add_layer, frame_range
@@ -12,6 +13,7 @@ from gsvc_base.cli.errors import EXIT_DATA, say
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import decibel, plural, print_json, show, table
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.cli.damage import describe_damage
 from gsvc_ref.cli.files import (
     STDIO,
@@ -19,7 +21,6 @@ from gsvc_ref.cli.files import (
     check_input,
     describe_format,
     display_name,
-    holds_stream,
     open_stream,
 )
 
@@ -98,6 +99,19 @@ def run(arguments: Namespace) -> int:
     for message in damage:
         say(GSVC_COMPARE, message)
     return EXIT_DATA if damage else 0
+
+
+def holds_stream(name: str) -> bool:
+    """Whether a file is, or claims by its name to be, a GSVC stream."""
+    from gsvc_ref.bitstream.chunks import MAGIC
+
+    path = Path(name)
+    if path.suffix.lower() == STREAM_SUFFIX:
+        return True
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MAGIC)) == MAGIC
 
 
 @contextmanager

@@ -10,8 +10,8 @@ from gsvc_base.cli.errors import EXIT_DATA, say
 from gsvc_base.cli.text import frame_runs, plural, print_json, show, table
 from gsvc_base.errors import GsvcError
 from gsvc_ref.cli.damage import all_gaps, describe_damage
-from gsvc_ref.cli.decisions import decision_lines, decisions_object, stream_decisions
 from gsvc_ref.cli.files import check_input, describe_format, display_name, open_stream
+from gsvc_tools.cli.decisions import decision_lines, decisions_object, stream_decisions
 
 if TYPE_CHECKING:
     from gsvc_ref.bitstream import SequenceHeader
@@ -45,7 +45,7 @@ def add_command(commands: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Print the information; 0, or 1 for a damaged stream."""
     check_input(arguments.input)
-    from gsvc_ref.cli.compilation import reading
+    from gsvc_tools.cli.reading import reading
 
     name = display_name(arguments.input)
     try:

@@ -10,10 +10,10 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import show, to_json
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import STDIO, check_input, display_name
-from gsvc_ref.cli.info import error_object
+from gsvc_tools.cli.info import error_object
 
 if TYPE_CHECKING:
-    from gsvc_ref.stream.listing import Entry, Place
+    from gsvc_tools.listing import Entry, Place
 
 GSVC_DUMP: Final = "gsvc dump"
 LINES_AT_ONCE: Final = 512
@@ -54,14 +54,14 @@ def run(arguments: Namespace) -> int:
     if arguments.at is not None and (arguments.frames or arguments.all):
         raise UsageError("--at names one element; drop --frames and --all")
     check_input(arguments.input)
-    from gsvc_ref.cli.compilation import reading
+    from gsvc_tools.cli.reading import reading
 
     with reading(GSVC_DUMP, arguments.input, silent=arguments.json):
         return _at(arguments) if arguments.at is not None else _list(arguments)
 
 
 def _list(arguments: Namespace) -> int:
-    from gsvc_ref.stream.listing import list_elements
+    from gsvc_tools.listing import list_elements
 
     with _Lines(arguments) as lines:
         if not arguments.json:
@@ -73,7 +73,7 @@ def _list(arguments: Namespace) -> int:
 
 
 def _at(arguments: Namespace) -> int:
-    from gsvc_ref.stream.listing import place_of
+    from gsvc_tools.listing import place_of
 
     place = place_of(_source(arguments.input), arguments.at)
     if place.entry is None and place.fault is None:
