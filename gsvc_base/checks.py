@@ -165,7 +165,6 @@ def door(function: Callable[P, R]) -> Callable[P, R]:
     error of types or shapes, the first argument that is no number, or no array of numbers, is named. If there is none,
     the error passes through.
     """
-
     names = (*signature(function).parameters,)
 
     @wraps(function)

@@ -53,8 +53,8 @@ class Target(NamedTuple):
 class FileReader(Protocol):
     """Opens a video file that gsvc_ref cannot read."""
 
-    def __call__(self, file: Path | BinaryIO, name: str) -> Any:
-        """A new `VideoReader` of a file that messages call `name`."""
+    def __call__(self, file: Path | BinaryIO, name: str, background: tuple[int, int, int] | None) -> Any:
+        """A new `VideoReader` of a file that messages call `name`, what is transparent in it on R', G', B'."""
 
 
 class MakeVmafMeter(Protocol):
@@ -77,8 +77,11 @@ class PageWriter(Protocol):
         command: str,
         *,
         quiet: bool,
+        background: tuple[int, int, int] | None,
     ) -> None:
         """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again).
+
+        What is transparent in the source is shown on the background.
 
         `encoded` is the `EncodeReport`.
         """

@@ -117,7 +117,7 @@ def of_variants(
     made: dict[str, list[dict[str, Any]]] = {name: [] for name in (VARIANTS[0], WEIGHTS, *VARIANTS[1:])}
     begin, now_and_then = time.perf_counter(), NowAndThen(say)
     for seed in range(plan.seeds):
-        base = shortened(Settings.paper(splats=splats, seed=seed, threads=threads), plan.iterations, plan.rate)
+        base = shortened(PaperSettings.paper(splats=splats, seed=seed, threads=threads), plan.iterations, plan.rate)
         before: tuple[Settings, dict[str, Any]] | None = None
         for name in (VARIANTS[0], WEIGHTS, *VARIANTS[1:]):
             settings = variant(name, base, keys)

@@ -8,7 +8,7 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import pruned_to
 from gsvc_lab.experiments.jumping import CASES, SCENE, WAYS, Jump, Outcome, Size, measure
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
 
 EMPTY, CAPTURED = 0.1, 0.9
 """A frame counts as empty with less of the circle's pixels in its colour, and the circle as captured with more."""
@@ -111,7 +111,7 @@ def run(settings: Run) -> Result:
     setting = (
         f"The scene {SCENE}, {size.width}x{size.height}, on its light background and on black; {size.splats:,} splats "
         f"in the frame before the jump, made by {size.intra:,} iterations of the paper's schedule from "
-        f"{pruned_to(size.splats, Settings.paper().intra):,} at random; {len(size.seeds)} random starts; before "
+        f"{pruned_to(size.splats, PaperSettings.paper().intra):,} at random; {len(size.seeds)} random starts; before "
         f"quantisation. With GSA the frame after the jump begins with as many splats more as were pruned, at random "
         f"places and with w = 0.01, and GSP removes a tenth of all; without, with the splats of the frame before "
         f"alone. A third case keeps only the splats within a diameter of the old circle's centre, so that next to none "

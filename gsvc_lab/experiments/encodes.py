@@ -15,9 +15,9 @@ from gsvc_base.splats import Splats
 from gsvc_lab.clips import Clip
 from gsvc_lab.experiments.fitting import Picture, Quality
 from gsvc_ref.encoder import EncodeReport, Settings, encode
-from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.report import Progress
 from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.metrics import ms_ssim
 from gsvc_ref.stream import decode
 from gsvc_ref.training import (

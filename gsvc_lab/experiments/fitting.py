@@ -8,9 +8,9 @@ import numpy as np
 from gsvc_base.arrays import Frame
 from gsvc_base.splats import Splats
 from gsvc_lab.clips import as_picture
-from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.quick import grown
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.metrics import ms_ssim, ms_ssim_scales, psnr
 from gsvc_ref.rendering import Objective, Renderer
 from gsvc_ref.training import NEW, NEW_WEIGHT, FitSettings, Population, fit, random_splats, uniform_numbers

@@ -11,8 +11,8 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, quickly_fitted, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
-from gsvc_ref.encoder.frame_settings import FrameSettings
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.training import ConvergenceTest, FitSettings, Population
 
 TIMES: Final = (200, 800, 3200, 12_800)
@@ -138,7 +138,7 @@ def run(settings: Run) -> Result:
     still = preferred(stills(settings, ("coffee",), *SIZE), "Jockey")
     count = min(PAPER_SPLATS if settings.full else SPLATS, still.size[0] * still.size[1] // 2)
     picture = Picture(still.frame, settings.threads)
-    long = PaperRun(picture, Settings.paper().intra, count, TIMES, settings)
+    long = PaperRun(picture, PaperSettings.paper().intra, count, TIMES, settings)
     quick = quick_moments(picture, count, QUICK_TIMES, settings)
     numbers: dict[str, Any] = {
         name: [{"iterations": m.iterations, "splats": m.splats, "quality": m.quality} for m in row]
@@ -150,8 +150,8 @@ def run(settings: Run) -> Result:
         else "its convergence rule would not have ended it before"
     )
     setting = (
-        f"On {still.about}; one random start; before quantisation. The paper's schedule (random "
-        f"start, Adan at 1e-3, GSP) begins with {pruned_to(count, Settings.paper().intra):,} splats, of which pruning "
+        f"On {still.about}; one random start; before quantisation. The paper's schedule (random start, "
+        f"Adan at 1e-3, GSP) begins with {pruned_to(count, PaperSettings.paper().intra):,} splats, of which pruning "
         f"leaves {count:,} by iteration 4,000; {stop}. The paper's figure has {PAPER_SPLATS:,} splats on 1920x1080. "
         f"quick is the L-BFGS of profile main, with an evaluation more for each of its 15 additions of splats."
         f"{scales_missing(still.size)}"

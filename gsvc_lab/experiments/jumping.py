@@ -11,8 +11,8 @@ from gsvc_base.splats import Splats
 from gsvc_lab.experiments.experiment import Run
 from gsvc_lab.experiments.fitting import Picture, fitted, pruned_to
 from gsvc_lab.scenes import Base, Clip, Scene, truth
-from gsvc_ref.encoder.frame_settings import FrameSettings
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.metrics import psnr
 from gsvc_ref.training import KEPT_WEIGHT, FitSettings, Population, fit, uniform_numbers
 
@@ -132,7 +132,7 @@ class Jump:
 
 def paper_inter(jump: Jump, reference: Splats, total: int, iterations: int, seed: int, *, gsa: bool) -> Splats:
     """A P-frame by the paper's schedule: with GSA and GSP, or from the reference's splats alone."""
-    settings = Settings.paper().inter
+    settings = PaperSettings.paper().inter
     assert isinstance(settings.fit, FitSettings)
     schedule = settings.fit.with_(iterations=iterations)
     if not gsa:
@@ -155,7 +155,7 @@ def intra(jump: Jump, settings: FrameSettings, count: int, seed: int) -> Splats:
 def measure(size: Size, run: Run) -> list[Outcome]:
     """All P-frames, by the paper's schedule."""
     found = []
-    paper = Settings.paper().intra
+    paper = PaperSettings.paper().intra
     paper = replace(paper, fit=paper.fit.with_(iterations=size.intra))
     total = pruned_to(size.splats, paper)  # the paper's N; pruning leaves 90 % of it
     for background in ("light", "black"):

@@ -15,8 +15,8 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, new_figure, save_figure, show_centers, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, scales_missing
 from gsvc_lab.experiments.material import Still, stills
-from gsvc_ref.encoder.frame_settings import FrameSettings
-from gsvc_ref.encoder.settings import Settings
+from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.metrics import psnr_from_mse
 from gsvc_ref.training import KEPT_WEIGHT, NEW_WEIGHT, FitSettings, PruningSchedule
 
@@ -59,7 +59,7 @@ Outcomes = dict[str, list[Outcome]]
 
 def way_settings(way: str, iterations: int) -> FrameSettings:
     """The paper's settings of an I-frame, with or without its weights and pruning."""
-    intra = Settings.paper().intra
+    intra = PaperSettings.paper().intra
     assert isinstance(intra.fit, FitSettings)
     fit = intra.fit.with_(iterations=iterations)
     if way == "without":
@@ -199,7 +199,7 @@ def run(settings: Run) -> Result:
     pictures = stills(settings, ("astronaut", "chelsea", "coffee"), *SIZE)
     in_paper = [still for still in pictures if still.name in PAPER_SEQUENCES]
     pictures = in_paper or pictures
-    iterations = Settings.paper().intra.fit.iterations if settings.full else ITERATIONS
+    iterations = PaperSettings.paper().intra.fit.iterations if settings.full else ITERATIONS
     seeds = SEEDS[settings.full]
     found = measure(pictures, iterations, seeds, settings)
     change, against_weights = changes(found), changes(found, "weights")

@@ -23,7 +23,7 @@ from gsvc_lab.experiments.experiment import Experiment, Holds, Result, Run, Tabl
 from gsvc_lab.experiments.figures import COLORS, MARKERS, new_figure, save_figure
 from gsvc_lab.experiments.material import given_clips
 from gsvc_ref.encoder import Settings
-from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT
+from gsvc_ref.encoder.settings import MIN_PIXELS_PER_SPLAT, PaperSettings
 
 EVEN: Final = 0.1
 """Bits of P-frames count as constant if the most and the least differ by at most this fraction of their mean."""
@@ -73,7 +73,7 @@ def measure(clips: Sequence[Clip], plan: Plan, threads: int | None, say: Say) ->
         quick = Settings.quick(splats=plan.splats, threads=threads, profile="paper")
         made = encoded(clip, quick, say, f"{clip.name}, N = {plan.splats}, quick")
         paper = shortened(
-            Settings.paper(splats=plan.splats, threads=threads, key_frames=made.key_frames),
+            PaperSettings.paper(splats=plan.splats, threads=threads, key_frames=made.key_frames),
             plan.iterations,
             plan.rate,
         )

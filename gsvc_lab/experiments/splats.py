@@ -12,7 +12,7 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run, Table, Verd
 from gsvc_lab.experiments.figures import line, log_axis, new_figure, save_figure, show_picture
 from gsvc_lab.experiments.fitting import Picture, Quality, fitted, pruned_to, quickly_fitted, scales_missing
 from gsvc_lab.experiments.material import Still, preferred, stills
-from gsvc_ref.encoder.settings import PaperSettings, Settings
+from gsvc_ref.encoder.settings import PaperSettings
 from gsvc_ref.training import FitSettings
 
 COUNTS: Final = (10, 100, 1000, 10_000)
@@ -41,7 +41,7 @@ class Fit:
 def measure(still: Still, counts: Sequence[int], iterations: int, run: Run) -> dict[str, list[Fit]]:
     """The fits by schedule, in the order of the counts."""
     picture = Picture(still.frame, run.threads)
-    paper, quick = Settings.paper().intra, PaperSettings.quick().intra
+    paper, quick = PaperSettings.paper().intra, PaperSettings.quick().intra
     paper = paper.with_(fit=paper.fit.with_(iterations=iterations))
 
     def by_paper(count: int) -> tuple[Splats, int]:
@@ -129,7 +129,7 @@ def table(fits: dict[str, list[Fit]]) -> Table:
 
 def reach(iterations: int) -> float:
     """The distance in pixels that steps of the learning rate lead in a number of iterations of the paper's schedule."""
-    fit = Settings.paper().intra.fit
+    fit = PaperSettings.paper().intra.fit
     assert isinstance(fit, FitSettings)
     return sum(fit.rates.cholesky * fit.schedule(iteration) for iteration in range(iterations))
 
@@ -137,7 +137,7 @@ def reach(iterations: int) -> float:
 def run(settings: Run) -> Result:
     """Fit one picture with each number of splats."""
     still = preferred(stills(settings, ("coffee",), *SIZE), "Jockey")
-    iterations = Settings.paper().intra.fit.iterations if settings.full else ITERATIONS
+    iterations = PaperSettings.paper().intra.fit.iterations if settings.full else ITERATIONS
     width, height = still.size
     counts = [count for count in COUNTS if count * 2 <= width * height]
     if len(counts) < 2:

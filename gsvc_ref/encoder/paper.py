@@ -13,14 +13,15 @@ import numpy as np
 from gsvc_base.arrays import F4, Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.frame_settings import FrameSettings, QuickFit
 from gsvc_ref.encoder.held_quality import BEST, ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, pixel_splats
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.prediction import exchange_counts, moved_along_flow
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
-from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, PaperSettings
+from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.common import PIXELS_PER_SPLAT
+from gsvc_ref.encoder.settings.paper import FrameSettings, QuickFit
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameCodes, FrameType, State

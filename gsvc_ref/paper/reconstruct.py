@@ -31,6 +31,9 @@ class Codes(NamedTuple):
     codewords: U2  # (K, 3) patterns of binary16, stage after stage
 
 
+DTYPES: Final = (np.uint16, np.uint16, np.float32, np.float32, np.uint16, np.int64, np.uint16)
+"""Those of `Codes`, in its order."""
+
 _NO_PAIRS: Final[U2] = np.empty((0, 2), np.uint16)
 _NO_TRIPLES: Final[U2] = np.empty((0, 3), np.uint16)
 
@@ -198,24 +201,9 @@ def reconstruct_inter(
     return _finite(_inter(width, height, Splats.of(reference), np.asarray(survivors, np.bool_), codes))
 
 
-def _arrays(
-    positions: ArrayLike,
-    cholesky: ArrayLike,
-    scale: ArrayLike,
-    offset: ArrayLike,
-    color_indices: ArrayLike,
-    codebook_sizes: ArrayLike,
-    codewords: ArrayLike,
-) -> Codes:
-    return Codes(
-        np.ascontiguousarray(positions, np.uint16),
-        np.ascontiguousarray(cholesky, np.uint16),
-        np.ascontiguousarray(scale, np.float32),
-        np.ascontiguousarray(offset, np.float32),
-        np.ascontiguousarray(color_indices, np.uint16),
-        np.asarray(codebook_sizes, np.int64),
-        np.ascontiguousarray(codewords, np.uint16),
-    )
+def _arrays(*given: ArrayLike) -> Codes:
+    """The arguments of an operation, in the order of `Codes`, as its arrays."""
+    return Codes(*(np.ascontiguousarray(array, dtype) for array, dtype in zip(given, DTYPES, strict=True)))
 
 
 def _codes(block: SplatBlock | None, kept: Kept) -> Codes:

@@ -16,6 +16,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError, naming
 from gsvc_base.files import PartialFile, check_parent, remove_leftover
+from gsvc_ref.video.alpha import Background
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
@@ -51,13 +52,13 @@ def list_images(folder: Path) -> list[Path]:
     return sorted((path for path in files if path.is_file()), key=lambda path: natural_key(path.name))
 
 
-def decode_image(data: bytes, name: str) -> PngImage:
-    """Decode a PNG or JPEG file by its content.
+def decode_image(data: bytes, name: str, background: Background | None = None) -> PngImage:
+    """Decode a PNG or JPEG file by its content, what is transparent in it on a background.
 
     A GsvcError is ``malformed``, ``limit``, or ``unsupported`` (neither format, transparency, CMYK).
     """
     if data.startswith(PNG_SIGNATURE):
-        return decode_png(data, name)
+        return decode_png(data, name, background)
     if not data.startswith(JPEG_SIGNATURE):
         raise GsvcError("unsupported", f"{name} is neither a PNG nor a JPEG picture; convert it to PNG")
     try:
@@ -81,9 +82,9 @@ class ImageReader(VideoReader):
     A picture of another size or depth than the first is a GsvcError ``invalid`` when iterating.
     """
 
-    def __init__(self, sources: Sequence[Path | bytes], name: str) -> None:
+    def __init__(self, sources: Sequence[Path | bytes], name: str, background: Background | None = None) -> None:
         super().__init__()
-        self._sources = sources
+        self._sources, self._background = sources, background
         self._name = name
         first = self._load(0)
         height, width, _ = first.frame.shape
@@ -97,7 +98,8 @@ class ImageReader(VideoReader):
 
     def _load(self, index: int) -> PngImage:
         source = self._sources[index]
-        image = decode_image(source.read_bytes() if isinstance(source, Path) else source, self._label(index))
+        data = source.read_bytes() if isinstance(source, Path) else source
+        image = decode_image(data, self._label(index), self._background)
         for sentence in image.notes:
             self.note(sentence)
         return image
@@ -117,12 +119,12 @@ class ImageReader(VideoReader):
             yield image.frame
 
 
-def open_folder(folder: Path) -> ImageReader:
+def open_folder(folder: Path, background: Background | None = None) -> ImageReader:
     """Read a folder of pictures; a GsvcError ``invalid`` says that it holds none."""
     paths = list_images(folder)
     if not paths:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
-    reader = ImageReader(paths, str(folder))
+    reader = ImageReader(paths, str(folder), background)
     if left_out := missing_numbers([path.stem for path in paths]):
         runs = ", ".join([*left_out[:GAPS_NAMED], *(["..."] if len(left_out) > GAPS_NAMED else [])])
         reader.note(f"the numbers in {folder} have gaps ({runs}); frames are counted without them")

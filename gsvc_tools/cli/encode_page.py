@@ -48,7 +48,10 @@ def write_page(arguments: Namespace, report: "EncodeReport") -> int:
     quiet = arguments.quiet or arguments.json
     source = arguments.input if same else None
     try:
-        write(arguments.output, source, start, arguments.report, report, command, quiet=quiet)
+        write(
+            arguments.output, source, start, arguments.report, report, command, quiet=quiet,
+            background=arguments.background,
+        )  # fmt: skip
     except KeyboardInterrupt:
         say("gsvc encode", f"interrupted; {arguments.output} is complete{without_page(arguments)}")
         return EXIT_INTERRUPTED

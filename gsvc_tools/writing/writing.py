@@ -8,12 +8,13 @@ from typing import Any, BinaryIO, Final, cast
 
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
-from gsvc_ref.encoder.frame_settings import FrameSettings
 from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.loop import encode_frames
 from gsvc_ref.encoder.recording import Recording, StreamPlan, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
-from gsvc_ref.encoder.settings import KeyFrames, PaperSettings
+from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.common import KeyFrames
+from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.encoder.source_and_target import SoundFrames, Target
 from gsvc_ref.paper import RvqSettings
 from gsvc_ref.rendering import Precision

@@ -13,10 +13,10 @@ from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Effects, Settings, pretraining
 from gsvc_ref.encoder.effects import EFFECT_NAMES
-from gsvc_ref.encoder.frame_settings import DetectionSettings
 from gsvc_ref.encoder.frame_types import typed_frames
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.encoder.pretraining import Pretraining
+from gsvc_ref.encoder.settings.detection import DetectionSettings
 from gsvc_ref.stream import Stream
 
 RNG = np.random.default_rng(5)

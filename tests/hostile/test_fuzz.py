@@ -150,7 +150,7 @@ PLANTED: dict[str, tuple[str, str, Any]] = {
         "pictures", "stream.decoder.scaled_size", lambda header, scale: (header.height, header.width),
     ),
     "sizes of videos are not checked": ("videos", "video.y4m_header.check_size", nothing),
-    "settings are not checked": ("settings", "encoder.settings.check_range", nothing),
+    "settings are not checked": ("settings", "encoder.settings.common.check_range", nothing),
 }  # fmt: skip
 """Defects: the target that must find them, and what of gsvc_ref is replaced by what."""
 

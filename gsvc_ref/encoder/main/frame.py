@@ -42,7 +42,8 @@ from gsvc_ref.encoder.main.intra import encode_intra, intra_evaluations, splats_
 from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, encode_pixels
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
-from gsvc_ref.encoder.settings import MAX_SPLATS, PIXELS_PER_SPLAT, MainSettings
+from gsvc_ref.encoder.settings import MainSettings
+from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes

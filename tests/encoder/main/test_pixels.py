@@ -33,7 +33,7 @@ def test_noise_comes_back_as_it_was(width, height, most, tmp_path):
 
 
 def test_noise_that_must_keep_a_psnr_keeps_it(tmp_path):
-    frames = noise(2, 2, 1)
+    frames = noise(2, 2, 1)[:2]
     _, report = largest_error(frames, tmp_path, psnr=50.0)
     assert all(frame.psnr >= 50 for frame in report.frames)
 
@@ -41,10 +41,9 @@ def test_noise_that_must_keep_a_psnr_keeps_it(tmp_path):
 @pytest.mark.parametrize("profile", ["main", "paper"])
 def test_one_pixel_is_exact_in_both_profiles(profile, tmp_path):
     for seed in SEEDS:
-        error, report = largest_error(noise(1, 1, seed), tmp_path, profile=profile)
+        error, report = largest_error(noise(1, 1, seed), tmp_path, profile=profile, key_frames=())
         assert error == 0, f"seed {seed}"
-        assert [frame.type for frame in report.frames] == ["I", "I", "I"]
-        assert report.frames[1].reason == PIXEL_SPLATS
+        assert [frame.reason for frame in report.frames[1:]] == [PIXEL_SPLATS, PIXEL_SPLATS]
 
 
 def test_one_pixel_of_sixteen_bits_is_exact(tmp_path):
