@@ -136,7 +136,7 @@ def from_any(
     start: int = 0,
     background: Background | None = None,
 ) -> PlanarClip:
-    """Frames of a file, as `from_file`; those of a scene or a folder, or on a background, as `open_video` reads them."""
+    """Frames of a file, as `from_file`; of a scene or a folder, or on a background, as `open_video` reads them."""
     if background is None and Path(source).is_file():
         return from_file(Path(source), target, frames, crop, start)
     with open_video(source, background=background) as reader:

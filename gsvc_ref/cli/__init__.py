@@ -1,8 +1,8 @@
 """The command ``gsvc``: one module per command, each with `add_command`; heavy imports happen inside a command's `run`.
 
 Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what was saved is said); 2 wrong use;
-70 a fault of gsvc_ref itself; interrupted: 130 with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP; 141 the reader of standard
-output went away.
+70 a fault of gsvc_ref itself; interrupted: 130 with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP; 141 the reader of
+standard output went away.
 """
 
 import gc

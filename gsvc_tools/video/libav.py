@@ -24,6 +24,7 @@ from gsvc_ref.video.format import (
 )
 from gsvc_ref.video.stream import VideoReader
 from gsvc_tools.video.libav_probe import (
+    MAX_RATE_DENOMINATOR,
     Orientation,
     has_alpha_track,
     interlaced,
@@ -33,6 +34,7 @@ from gsvc_tools.video.libav_probe import (
     open_container,
     orientation,
     read_packets,
+    uneven,
 )
 from gsvc_tools.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
 
@@ -41,8 +43,6 @@ if TYPE_CHECKING:
 
 TEXT_DECODERS: Final = ("ansi", "bintext", "xbin", "idf")
 """FFmpeg draws text files as pictures with these; nobody means that."""
-MAX_RATE_DENOMINATOR: Final = 1001
-"""A mean frame rate is rounded to a fraction with at most this denominator, which is that of 30000/1001."""
 
 RANGES: Final = {1: False, 2: True}
 """AVColorRange as full_range."""
@@ -210,10 +210,7 @@ class LibavReader(VideoReader):
         if kept is None:
             self._is_uneven = True
             self.time_base = unit
-            self.note(
-                f"frames of {self._name} are not evenly spaced in time ({float(known[-1]):.5g} per second on average); "
-                f"their time stamps go along with them"
-            )
+            self.note(uneven(self._name, known[-1]))
         return kept or known[-1]
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:

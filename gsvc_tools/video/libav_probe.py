@@ -40,6 +40,9 @@ LOST_SIDE_DATA: Final = {
 }
 """Names of FFmpeg's side data of frames that a stream has no place for, in words."""
 
+MAX_RATE_DENOMINATOR: Final = 1001
+"""A mean frame rate is rounded to a fraction with at most this denominator, which is that of 30000/1001."""
+
 JITTER_S: Final = 0.002
 """Seconds by which a frame may be off its place and still count as evenly spaced: containers round, Matroska to 1 ms
 and QuickTime often to 1/600 s."""
@@ -66,9 +69,8 @@ class Packets:
         parts = []
         if self.is_transport or self.corrupt or self.complaint:
             lost = 0 if self.times is None else missing_frames(self.times[0])
-            parts += [f"{_count(lost, 'frame')} of it {'is' if lost == 1 else 'are'} missing by the time stamps"] * (
-                lost > 0
-            )
+            if lost:
+                parts.append(f"{_count(lost, 'frame')} of it missing by the time stamps")
         if self.corrupt:
             parts.append(f"FFmpeg marks {_count(self.corrupt, 'packet')} as damaged")
         if parts and self.complaint:
@@ -82,7 +84,7 @@ def missing_frames(times: np.ndarray[Any, Any]) -> int:
     usual = int(np.median(steps)) if len(steps) else 0
     counts = np.rint(steps / usual).astype(np.int64) if usual > 0 else np.ones(0, np.int64)
     # A stamp is off by at most a unit of its container, and frames that are lost leave whole periods.
-    if (counts < 1).any() or (np.abs(steps[: len(counts)] - counts * usual) > np.maximum(counts, usual / 4)).any():
+    if (counts < 1).any() or (np.abs(steps[: len(counts)] - counts * usual) > np.maximum(counts, usual / 8)).any():
         return 0
     return int((counts - 1).sum())
 
@@ -169,6 +171,14 @@ def codec_name(stream: Any) -> str:
 def interlaced(name: str) -> str:
     """A sentence about a source with interlaced pictures."""
     return f"{name} is interlaced; its frames are read as if progressive"
+
+
+def uneven(name: str, rate: Fraction) -> str:
+    """A sentence about a source whose frames have times of their own, with this mean rate."""
+    return (
+        f"frames of {name} are not evenly spaced in time ({float(rate):.5g} per second on average); their time stamps "
+        f"go along with them"
+    )
 
 
 def _count(number: int, noun: str) -> str:

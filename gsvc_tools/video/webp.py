@@ -15,15 +15,12 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.stream import VideoReader
-from gsvc_tools.video.libav_probe import is_even
+from gsvc_tools.video.libav_probe import MAX_RATE_DENOMINATOR, is_even, uneven
 
 MILLISECOND: Final = Fraction(1, 1000)
 
 ANIMATED: Final = 2
 """The flag in the chunk VP8X that says that a file has the chunks ANIM and ANMF."""
-
-MAX_RATE_DENOMINATOR: Final = 1001
-"""A mean frame rate that is no whole number is rounded to a fraction with at most this denominator."""
 
 
 def picture_delays(source: Path | BinaryIO) -> list[int] | None:
@@ -99,10 +96,7 @@ class AnimatedWebpReader(VideoReader):
             if is_even(begins, MILLISECOND, rate):
                 return rate
         self.time_base = MILLISECOND
-        self.note(
-            f"frames of {self._name} are not evenly spaced in time ({float(mean):.5g} per second on average); their "
-            f"time stamps go along with them"
-        )
+        self.note(uneven(self._name, mean))
         return exact
 
     def _read(self) -> Iterator[Frame]:

@@ -19,10 +19,10 @@ from gsvc_ref.main.reconstruct import intra_state
 from gsvc_ref.main.state import parameters_of
 from gsvc_ref.main.tables import step_of
 
-SIZE: Final = 0.5
+PIXEL_SIZE: Final = 0.5
 """l11 and l22 in pixels: the larger, the finer the steps of colors, and the more a splat covers its neighbors."""
 
-SWEEPS: Final = 16
+PIXEL_SWEEPS: Final = 16
 """How often each color is chosen anew; noise in 6x6 pixels takes about ten until all is within a rounding."""
 
 PIXEL_SPLATS: Final = "each pixel has a splat, so that nothing is to be predicted"
@@ -41,7 +41,7 @@ def encode_pixels(picture: F4, bit_depth: int) -> MainCodes:
     step, z, codes = step_of(0), to_coordinates(drawn), [IntraCodes()] * len(drawn)
     drawn[:, 5:] = 0
     missing, least, best = 255 * picture.reshape(-1, 3).astype(np.float64), math.inf, codes
-    for _ in range(SWEEPS):
+    for _ in range(PIXEL_SWEEPS):
         for i in range(len(drawn)):
             weights = _weights(drawn[i], columns, rows)
             missing = missing + weights * (255 * drawn[i, 5:].astype(np.float64))
@@ -63,7 +63,7 @@ def pixel_splats(picture: F4, bit_depth: int) -> F4:
     rows, columns = np.divmod(np.arange(len(splats)), width)
     splats[:, 0], splats[:, 1] = columns + 0.5, rows + 0.5
     # Without neighbors a splat may be as large as the steps of its color are to be fine.
-    splats[:, 2] = splats[:, 4] = SIZE if len(splats) > 1 else math.ldexp(SIZE, bit_depth - 8)
+    splats[:, 2] = splats[:, 4] = PIXEL_SIZE if len(splats) > 1 else math.ldexp(PIXEL_SIZE, bit_depth - 8)
     splats[:, 5:] = picture.reshape(-1, 3)
     return splats
 
