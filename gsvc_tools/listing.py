@@ -15,6 +15,7 @@ from gsvc_base.syntax import Json, named
 from gsvc_ref.bitstream.chunks import FRAMES
 from gsvc_ref.bitstream.coder import Element
 from gsvc_ref.bitstream.golomb import golomb_sizes
+from gsvc_ref.bitstream.header import MAIN, PAPER
 from gsvc_ref.stream.reader import StreamReader
 
 PAIR: Final = ("frame_number_step", "offset_step")
@@ -40,6 +41,7 @@ class Entry:
     fault, if the bits there are no such element."""
     first: int | None = None  # the index of the first one of a run, or of this one in a run; None outside of runs
     order: int | None = None  # k of the `eg(k)` of which the run consists; None for other runs
+    profile: int = PAPER  # of the stream: some elements of both profiles have the same name
 
     @property
     def count(self) -> int:
@@ -65,8 +67,9 @@ class Entry:
     @property
     def syntax(self) -> Json | None:
         """What spec.md says about the element; None about padding and payloads."""
-        end = " (end)" if (self.chunk, self.name) == ("E", "frame_count") else ""
-        return named().get(self.name.partition(",")[0] + end)
+        name = self.name.partition(",")[0]
+        structure = "end" if self.chunk == "E" else "frame_body" if self.profile == MAIN else ""
+        return named().get(f"{name} ({structure})") or named().get(name)
 
     def items(self) -> Iterator["Entry"]:
         """The elements of a run one by one; an element that stands alone is itself."""
@@ -78,11 +81,11 @@ class Entry:
             yield self._item(i, int(bounds[i]), int(bounds[i + 1]))
 
     def item_at(self, bit: int) -> "Entry":
-        """The element of a run that holds a bit of the stream."""
-        if not isinstance(self.value, np.ndarray):
+        """The element of a run that holds a bit of the stream, or the last one before it; an empty run is itself."""
+        if not isinstance(self.value, np.ndarray) or self.count == 0:
             return self
         bounds = self._bounds()
-        i = int(np.searchsorted(bounds, bit - self.bit, "right")) - 1
+        i = min(int(np.searchsorted(bounds, bit - self.bit, "right")), self.count) - 1
         return self._item(i, int(bounds[i]), int(bounds[i + 1]))
 
     def neighbours(self, item: "Entry") -> tuple["Entry | None", "Entry | None"]:
@@ -124,6 +127,7 @@ class Listing:
         self._frame: int | None = None
         self._next_frame: int | None = 0
         self._order: int | None = None
+        self._profile = PAPER
         self._stage = 0
         self._pairs = 0
         self._end = 0
@@ -200,6 +204,8 @@ class Listing:
         first = 0 if isinstance(element.value, np.ndarray) else None
         if name == "golomb_order":
             self._order = element.value
+        if name == "profile" and element.value is not None:
+            self._profile = element.value
         if name == "stage_count":
             self._stage = 0
         if name == "codeword_count":
@@ -217,7 +223,7 @@ class Listing:
             value, first = value.item(), None
         return Entry(
             element.bit, element.bits, "align()" if name == "align" else name, of, element.block, self._chunk,
-            self._frame, value, first, order,
+            self._frame, value, first, order, self._profile,
         )  # fmt: skip
 
     def _run_before(self, name: str, of: str, element: Element) -> int | None:

@@ -1,6 +1,5 @@
 """What an implementation is made for, as its features.toml says, and what of that a vector needs (protocol.md)."""
 
-import tomllib
 from collections.abc import Callable, Container, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, fields
@@ -13,6 +12,7 @@ from gsvc_conformance.claim import Claim
 from gsvc_conformance.level import LEVELS, splat_counts
 from gsvc_conformance.operation import Group, Operation, operations
 from gsvc_conformance.profiles import ANY, PROFILES, stated_profile
+from gsvc_conformance.reading import read_toml
 from gsvc_conformance.spec import header_rows, namespace
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import Vector
@@ -111,10 +111,7 @@ def read_features(path: Path) -> Features:
     UsageError
         It is no TOML, or has keys or values that are none.
     """
-    try:
-        return features_of(tomllib.loads(path.read_text(encoding="utf-8-sig")), str(path))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path} is no TOML: {error}") from None
+    return features_of(read_toml(path), str(path))
 
 
 def features_of(values: Mapping[str, Any], source: str) -> Features:

@@ -119,7 +119,9 @@ class ModuleImplementation:
             return Failure("error", FLUSHES) if _flushes() else collect(operation, given)
         except NotImplementedError as error:
             return Unsupported(str(error) or f"{operation.name} raises NotImplementedError")
-        except (Exception, SystemExit) as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # those that end a task or a process, too
             return Failure("error", _last_line(error))
 
 
@@ -147,7 +149,9 @@ def load_module(name: str, home: Path | None = None) -> ModuleImplementation:
             module = importlib.import_module(name)
     except SystemExit as end:  # a script without a guard, or one that finds no device; else its code would be ours
         raise UsageError(f"the module {name} ended while it was imported: SystemExit: {end}") from None
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         advice = _import_advice(name, error)
         raise UsageError(f"the module {name} cannot be imported: {type(error).__name__}: {error}{advice}") from None
     functions = {key: value for key, value in vars(module).items() if callable(value) and not key.startswith("_")}
@@ -158,7 +162,7 @@ def load_module(name: str, home: Path | None = None) -> ModuleImplementation:
     return ModuleImplementation(name, functions, environment=_environment_of(name, functions.get("environment")))
 
 
-def _import_advice(name: str, error: Exception) -> str:
+def _import_advice(name: str, error: BaseException) -> str:
     """Advice about a module that cannot be imported; empty if there is none."""
     if not isinstance(error, ModuleNotFoundError):
         return ""
@@ -186,7 +190,9 @@ def _environment_of(name: str, function: Callable[[], object] | None) -> dict[st
     try:
         with kept_streams():
             given = function()
-    except (Exception, SystemExit) as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:
         raise UsageError(f"{name}.environment() fails: {_last_line(error)}") from None
     if not isinstance(given, Mapping) or not all(isinstance(text, str) for pair in given.items() for text in pair):
         raise UsageError(f"{name}.environment() must return a dict of texts by name, not {given!r}")

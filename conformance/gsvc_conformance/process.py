@@ -4,15 +4,13 @@ Nothing that a command writes is trusted: files are measured before they are rea
 process that it started outlives the vector (`supervision`).
 """
 
-import io
 import os
 import shlex
 import shutil
 import signal
-import stat
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -24,19 +22,17 @@ from numpy.typing import NDArray
 from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
+from gsvc_conformance.reading import MAX_BYTES, parse_npy, read_bytes
+from gsvc_conformance.scratch import TooMuchError, held_bytes, remove
 from gsvc_conformance.supervision import Log, Program
-from gsvc_conformance.vector import native, npy
+from gsvc_conformance.vector import npy
 
 EXIT_UNSUPPORTED: Final = 77
 """Exit status of a command that does not know an operation, or does not support what the inputs ask for."""
-MAX_BYTES: Final = 1 << 28
-"""Maximum size of one output file, in bytes; larger ones are not loaded."""
 MAX_TEXT: Final = 1 << 12
 """Bytes of an output text."""
 MAX_OUT: Final = 1 << 30
 """Bytes on the disk of all that stands in the folders of a command; one that writes more is ended."""
-MIN_FILE: Final = 4096
-"""Bytes on the disk that any file takes at least."""
 PERTURB: Final = "MALLOC_PERTURB_"
 """Variable by which the memory allocator of glibc fills what it gives; see mallopt(3)."""
 
@@ -141,9 +137,9 @@ class Exchange:
         Raises
         ------
         TooMuchError
-            It holds more than `MAX_OUT` bytes.
+            It holds more than `MAX_OUT` bytes, or nests too deep.
         """
-        if _size(self.folder, MAX_OUT) > MAX_OUT:
+        if held_bytes(self.folder, MAX_OUT) > MAX_OUT:
             raise TooMuchError(f"it wrote more than {MAX_OUT >> 20} MiB to IN_DIR and OUT_DIR")
 
     def outputs(self, operation: Operation, status: str) -> Values | Failure:
@@ -157,12 +153,14 @@ class Exchange:
 @contextmanager
 def exchange(inputs: Values) -> Iterator[Exchange]:
     """The folder of a vector with its inputs, which is removed in the end."""
-    with tempfile.TemporaryDirectory(prefix="gsvc-conformance-", ignore_cleanup_errors=True) as folder:
-        files = Exchange(Path(folder))
+    files = Exchange(Path(tempfile.mkdtemp(prefix="gsvc-conformance-")))
+    try:
         files.inside.mkdir()
         files.outside.mkdir()
         write_inputs(files.inside, inputs)
         yield files
+    finally:
+        remove(files.folder)
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
@@ -188,59 +186,21 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str | bytes:
     if port.type == "stream":
         return _read_file(folder / f"{port.name}.gsvc", MAX_BYTES)
     name = f"{port.name}.npy"
-    data = _read_file(folder / name, MAX_BYTES)
-    file = io.BytesIO(data)
-    try:
-        header = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-        shape, column_order, dtype = header[np.lib.format.read_magic(file)](file)
-    except Exception as error:  # whatever a hostile header makes of Python's parser
-        raise ValueError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
-    if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * _product(shape):
-        raise ValueError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
-    if dtype.str.startswith(">"):
-        raise ValueError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
-    flat = np.frombuffer(data, dtype, offset=file.tell())
-    try:
-        return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")
-    except (ValueError, OverflowError):  # an empty array with a length beyond any address
-        raise ValueError(f"{name} has the shape {shape}") from None
-
-
-def _product(shape: tuple[int, ...]) -> int:
-    """Elements of a shape; -1, which no file fits, for one that is no shape, such as (True,)."""
-    count = 1
-    for length in shape:
-        count = count * length if type(length) is int and length >= 0 <= count else -1
-    return count
+    return parse_npy(_read_file(folder / name, MAX_BYTES), name)
 
 
 def _read_file(path: Path, most: int) -> bytes:
+    """An output, which must not be a link."""
+    if path.is_symlink():
+        raise ValueError(f"{path.name} is a link; it must be an ordinary file")
     try:
-        status = path.lstat()
+        return read_bytes(path, most)
     except FileNotFoundError:
         raise ValueError(f"there is no {path.name}") from None
-    if not stat.S_ISREG(status.st_mode):
-        raise ValueError(f"{path.name} is no ordinary file")
-    if status.st_size > most:
-        raise ValueError(f"{path.name} has {status.st_size} bytes; at most {most} are read")
-    return path.read_bytes()
-
-
-def _size(folder: Path, most: int) -> int:
-    """The bytes on the disk of all that stands in a folder; more than `most` are not counted to the end."""
-    held, folders = 0, [folder]
-    while folders and held <= most:
-        with suppress(OSError), os.scandir(folders.pop()) as entries:  # what is there may go at any time
-            for entry in entries:
-                status = entry.stat(follow_symlinks=False)
-                held += max(getattr(status, "st_blocks", 0) * 512, MIN_FILE)
-                if entry.is_dir(follow_symlinks=False):
-                    folders.append(Path(entry.path))
-    return held
-
-
-class TooMuchError(Exception):
-    """A program fills the disk."""
+    except OSError as error:
+        raise ValueError(f"{path.name} cannot be read: {error.strerror}") from None
+    except UsageError as error:  # the folder is gone when somebody reads it
+        raise ValueError(str(error).replace(str(path), path.name)) from None
 
 
 def signal_name(number: int) -> str:

@@ -94,6 +94,7 @@ class Run:
         self._waivers = read_waivers(Path(self._file) if self._file else None)
         if unmatched := self._waivers.unmatched(self._folder.names):
             raise UsageError(f"{self._file}: {unmatched[0]}")
+        self._waived = self._waivers.among(self._folder.names).counting
         self._features = read_features(Path(option("features"))) if option("features") else None
         self.implementation = _implementation(option, config.rootpath)
         # In one word each: pytest takes a word that is a file or folder for a path to tests.
@@ -118,7 +119,7 @@ class Run:
         """Ask for a vector's outputs and judge them; with its waiver, if one counts."""
         (vector,) = self._folder.read([name])
         judged = judge_vector(self.implementation, vector, self._features)
-        if (waiver := self._waivers.of(name)) and judged.result.outcome in FAULTS:
+        if (waiver := self._waived.get(name)) and judged.result.outcome in FAULTS:
             judged = excused(judged, waiver.excuse)
         self._causes.add(judged)
         self.results[name] = judged.result
@@ -131,7 +132,7 @@ class Run:
 
     def stale(self, name: str) -> str:
         """A sentence about a waiver that is not needed: its vector passes; else empty."""
-        waiver = self._waivers.of(name)
+        waiver = self._waived.get(name)
         return f"it passes, so take it out of {waiver} in {self._file}" if waiver else ""
 
     def ended(self, name: str) -> str:

@@ -9,6 +9,7 @@ from typing import Final, NamedTuple, TypeVar
 
 import numpy as np
 
+from gsvc_base.errors import UsageError
 from gsvc_conformance.diagnosis.streams import elements_named
 from gsvc_conformance.expectations import Expectation, Rate, Refusal
 from gsvc_conformance.features import Features
@@ -135,8 +136,18 @@ def _mapped(function: Callable[[T], U], values: Iterable[T], jobs: int) -> Gener
 def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answered:
     """The answer of an implementation to one vector that it was asked for `turn` times before."""
     start = time.perf_counter()
-    answer = implementation.run(vector.operation, _copies(vector.inputs), turn, vector.id)
+    answer: Answer
+    try:
+        answer = implementation.run(vector.operation, _copies(vector.inputs), turn, vector.id)
+    except (UsageError, OSError):  # nothing more can be asked
+        raise
+    except Exception as error:  # whatever an answer makes of what reads it: the other vectors are judged all the same
+        answer = Failure("error", f"its answer cannot be read ({_named(error)})")
     return Answered(answer, time.perf_counter() - start)
+
+
+def _named(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def judge_answers(
@@ -148,6 +159,16 @@ def judge_answers(
     profile: str = "",
 ) -> Judged:
     """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
+    try:
+        return _judged(vector, answers, in_full, level, features, profile)
+    except Exception as error:  # whatever an answer makes of what judges it: the other vectors are judged all the same
+        message = f"its answer cannot be judged ({_named(error)}): please report it with what --keep leaves"
+        return Judged(vector, None, _result(vector, "error", message, seconds=sum(one.seconds for one in answers)))
+
+
+def _judged(
+    vector: Vector, answers: Sequence[Answered], in_full: bool, level: int, features: Features | None, profile: str
+) -> Judged:
     outside = features.outside(vector) if features else ""
     judged = [judge_answer(vector, answer, in_full, level, outside) for answer in answers]
     if vector.operation.name == "encode_video":

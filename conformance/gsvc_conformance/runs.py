@@ -6,7 +6,6 @@ says ``differences``, these are the first element and the differences between ne
 sum. Nothing is compressed in any other way, so the bytes are the same everywhere.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
+from gsvc_conformance.reading import MAX_BYTES, elements_of
 
 Array = NDArray[Any]
 Run = list[int]
@@ -34,9 +34,6 @@ KEY: Final = 8
 
 RECENT: Final = 4
 """Number of the last periods that may go on after an element that breaks them."""
-
-MOST: Final = 1 << 28
-"""Maximum number of elements of an array."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +78,13 @@ def unpack(elements: Array, entry: Mapping[str, Any], path: Path | None = None) 
         The runs do not fit the file or the shape.
     """
     shape, runs = tuple(entry["shape"]), entry["runs"]
-    count = math.prod(shape)
+    count = elements_of(shape)
     fits = all(
         n >= 1 and first >= 0 and length >= 1 and first + length <= elements.size and 0 <= phase < length
         for n, first, length, phase in runs
     )
-    if elements.ndim != 1 or not fits or count > MOST or sum(run[0] for run in runs) != count:
+    too_large = count * elements.itemsize > MAX_BYTES
+    if elements.ndim != 1 or not fits or too_large or sum(run[0] for run in runs) != count:
         file = path or entry["file"]
         raise UsageError(f"the runs of {file} do not fit its {elements.size} elements and the shape {shape}")
     parts = [np.resize(np.roll(elements[f : f + length], -phase), n) for n, f, length, phase in runs]

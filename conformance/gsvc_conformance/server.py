@@ -22,7 +22,8 @@ from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import Answer, Failure, Unsupported, checked_environment
 from gsvc_conformance.operation import Operation, Values
-from gsvc_conformance.process import TooMuchError, exchange, signal_name, words_of
+from gsvc_conformance.process import exchange, signal_name, words_of
+from gsvc_conformance.scratch import TooMuchError
 from gsvc_conformance.supervision import INTERVAL_S, PATIENCE_S, Log, Program
 
 Outcome = Literal["error", "crash", "timeout"]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.errors import UsageError
+from gsvc_conformance.reading import MAX_TEXT, check_size
 
 FOLDER: Final = "sets"
 JUDGED: Final = ("operation", "inputs", "outputs")
@@ -84,6 +85,7 @@ def read_sets(files: Mapping[str, bytes]) -> dict[int, VectorSet]:
     for name in names:
         try:
             number = int(Path(name).stem)
+            check_size(name, len(files[name]), MAX_TEXT)
             lines = files[name].decode().splitlines()
             digests = dict(line.split(" ") for line in lines)
         except ValueError:

@@ -9,8 +9,6 @@ stands for the folder wherever a folder is named.
 import hashlib
 import io
 import json
-import os
-import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +24,9 @@ from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expec
 from gsvc_conformance.level import level_of
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.profiles import ANY, profile_of
+from gsvc_conformance.reading import Archive, Folder, check_size, elements_of, native, parse_json, parse_npy
 from gsvc_conformance.runs import pack, unpack
+from gsvc_conformance.schema import COUNT, NEEDED, OBJECT, TEXT, TEXTS, Schema, checked
 
 PACKED: Final = Path(__file__).with_name("vectors.zip")
 """The vectors of an installed kit."""
@@ -35,6 +35,13 @@ SUMS: Final = "SHA256SUMS"
 MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.1"
 ERROR_MODEL: Final = "fp32/1"
+FIELDS: Final[Schema] = {
+    **dict.fromkeys(("id", "tier", "operation", "class", "title"), (TEXT, NEEDED)), "profile": (TEXT, ANY),
+    **dict.fromkeys(("rules", "equations", "flags"), (TEXTS, NEEDED)), "kills": (TEXTS, []), "level": (COUNT, 1),
+    "inputs": (OBJECT, NEEDED), "outputs": (OBJECT, NEEDED),
+}  # fmt: skip
+"""Fields of a manifest that the kit reads."""
+OUTPUT: Final[Schema] = {"check": (TEXT, NEEDED)}
 CHECK_RULES: Final = {
     "decision": "R-13-2", "bounded": "R-13-3", "interval": "R-13-4", "encoding": "R-13-7", "rate": "R-13-8",
 }  # fmt: skip
@@ -150,7 +157,7 @@ def set_hash(folder: Path = VECTORS) -> str:
     return hashlib.sha256(files_in(folder)[SUMS]).hexdigest()
 
 
-def files_in(place: Path) -> Mapping[str, bytes]:
+def files_in(place: Path) -> Folder | Archive:
     """The files of a folder, or of an archive (zip), by their relative names; each is read when it is asked for.
 
     Raises
@@ -158,12 +165,7 @@ def files_in(place: Path) -> Mapping[str, bytes]:
     UsageError
         It is a file and no archive.
     """
-    if not place.is_file():
-        return _Folder(place)
-    try:
-        return _Archive(place)
-    except zipfile.BadZipFile:
-        raise UsageError(f"{place} is neither a folder of vectors nor an archive (zip) of one") from None
+    return Archive(place) if place.is_file() else Folder(place)
 
 
 def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "stress", "faulty")) -> Iterator[Vector]:
@@ -179,7 +181,7 @@ def load(folder: Path = VECTORS, tiers: tuple[str, ...] = ("core", "uncommon", "
 
 def read(home: Path) -> Vector:
     """The vector of one folder."""
-    return from_files(_Folder(home), home)
+    return from_files(Folder(home), home)
 
 
 def vector_in(files: Mapping[str, bytes], name: str) -> Vector:
@@ -188,9 +190,34 @@ def vector_in(files: Mapping[str, bytes], name: str) -> Vector:
 
 
 def manifests_in(files: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
-    """All manifests among the files of many vectors, by the place of each, which is its id."""
+    """All manifests among the files of many vectors, by the place of each, which is its id.
+
+    Raises
+    ------
+    UsageError
+        One is none.
+    """
     names = sorted(name for name in files if name.endswith(f"/{MANIFEST}"))
-    return {name.removesuffix(f"/{MANIFEST}"): json.loads(files[name]) for name in names}
+    return {name.removesuffix(f"/{MANIFEST}"): manifest_of(files[name], name) for name in names}
+
+
+def manifest_of(data: bytes, name: str) -> dict[str, Any]:
+    """A manifest from its bytes, with the fields that others read of it.
+
+    Raises
+    ------
+    UsageError
+        It is none, or a field is missing or of another type; the message begins with `name`.
+    """
+    try:
+        manifest: dict[str, Any] = parse_json(data)
+    except ValueError as error:
+        raise UsageError(f"{name} is no JSON that this kit reads: {error}") from None
+    checked(manifest, FIELDS, name)
+    for kind, entries in (("input", manifest["inputs"]), ("output", manifest["outputs"])):
+        for port, entry in entries.items():
+            checked(entry, OUTPUT if kind == "output" else {}, f"the {kind} {port!r} of {name}")
+    return manifest
 
 
 def from_files(files: Mapping[str, bytes], home: Path | None = None) -> Vector:
@@ -208,19 +235,28 @@ def from_files(files: Mapping[str, bytes], home: Path | None = None) -> Vector:
     UsageError
         A file is not the one of which the manifest has the SHA-256, or its runs do not fit it.
     """
-    manifest = json.loads(files[MANIFEST])
+    manifest = manifest_of(files[MANIFEST], MANIFEST)
     listed = _Listed(files, home or Path(manifest["id"]))
     inputs = {name: _load(listed, entry) for name, entry in manifest["inputs"].items()}
     expected = {name: _expected(listed, entry, inputs) for name, entry in manifest["outputs"].items()}
     return Vector(manifest["id"], manifest, operations()[manifest["operation"]], inputs, expected)
 
 
-@dataclass(frozen=True)
+@dataclass
 class _Listed:
-    """The files of a vector, each of which must be the one that its manifest means."""
+    """The files of a vector, each of which must be the one that its manifest means.
+
+    Attributes
+    ----------
+    files, home
+        The files by name, and where they lie.
+    held
+        Bytes of all arrays so far.
+    """
 
     files: Mapping[str, bytes]
     home: Path
+    held: int = 0
 
     def path(self, entry: Mapping[str, Any]) -> Path:
         """Where the file of an entry lies, for messages."""
@@ -239,47 +275,24 @@ class _Listed:
             raise UsageError(f"{self.path(entry)} is not the file of which its {MANIFEST} has the SHA-256")
         return data
 
+    def array(self, entry: Mapping[str, Any]) -> NDArray[Any]:
+        """The array of an entry.
+
+        Raises
+        ------
+        UsageError
+            It is none, its runs do not fit, or those of the vector are too large together.
+        """
+        stored = parse_npy(self.data(entry), str(self.path(entry)))
+        count = elements_of(entry["shape"]) if "runs" in entry else stored.size
+        self.held += count * stored.itemsize
+        check_size(f"{self.home}, with its arrays,", self.held)
+        return unpack(stored, entry, self.path(entry)) if "runs" in entry else stored
+
 
 def is_listed(data: bytes, entry: Mapping[str, Any]) -> bool:
     """Whether some bytes are those of which an entry of a manifest has the SHA-256."""
     return hashlib.sha256(data).hexdigest() == entry.get("sha256")
-
-
-class _Folder(Mapping[str, bytes]):
-    """The files of a folder, read when they are asked for."""
-
-    def __init__(self, home: Path) -> None:
-        self._home = home
-
-    def __getitem__(self, name: str) -> bytes:
-        try:
-            return (self._home / name).read_bytes()
-        except (FileNotFoundError, NotADirectoryError):
-            raise KeyError(name) from None
-
-    def __iter__(self) -> Iterator[str]:
-        for folder, _, names in os.walk(self._home):  # several times as fast as Path.rglob
-            below = Path(folder).relative_to(self._home).as_posix()
-            yield from (name if below == "." else f"{below}/{name}" for name in names)
-
-    def __len__(self) -> int:
-        return sum(1 for _ in self)
-
-
-class _Archive(Mapping[str, bytes]):
-    """The files of a zip, read when they are asked for."""
-
-    def __init__(self, path: Path) -> None:
-        self._zip = zipfile.ZipFile(path)
-
-    def __getitem__(self, name: str) -> bytes:
-        return self._zip.read(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._zip.namelist())
-
-    def __len__(self) -> int:
-        return len(self._zip.namelist())
 
 
 class _Under(Mapping[str, bytes]):
@@ -307,11 +320,6 @@ def npy(array: NDArray[Any]) -> bytes:
 
 def _little(array: NDArray[Any]) -> NDArray[Any]:
     return array.astype(array.dtype.newbyteorder("<"), copy=False)
-
-
-def native(array: NDArray[Any]) -> NDArray[Any]:
-    """An array from a file in the byte order of the machine."""
-    return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def _store(name: str, value: Any, files: dict[str, bytes]) -> dict[str, Any]:
@@ -351,11 +359,7 @@ def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -
 def _load(files: _Listed, entry: Mapping[str, Any]) -> Any:
     if "value" in entry:
         return entry["value"]
-    data = files.data(entry)
-    if entry["file"].endswith(".gsvc"):
-        return data
-    array = native(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False))
-    return unpack(array, entry, files.path(entry)) if "runs" in entry else array
+    return files.data(entry) if entry["file"].endswith(".gsvc") else files.array(entry)
 
 
 def _expected(files: _Listed, entry: Mapping[str, Any], inputs: Values) -> Expectation:

@@ -1,7 +1,6 @@
 """Which vectors to run, and their reading: nothing is run that SHA256SUMS does not list or that was changed since."""
 
 import hashlib
-import json
 import math
 import re
 import shlex
@@ -20,9 +19,10 @@ from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.profiles import ANY, SINCE
+from gsvc_conformance.reading import MAX_TEXT, check_size, read_json
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
-from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files
+from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files, manifest_of
 
 SCHEMA: Final = Path(__file__).with_name("manifest.schema.json")
 ALL_TIERS: Final = (*TIERS, FULL, OWN)
@@ -137,8 +137,10 @@ class VectorFolder:
     def __init__(self, folder: Path, wanted: Wanted = "all") -> None:
         self.folder = folder
         self._files = files_in(folder)
-        if SUMS not in self._files:
-            raise UsageError(_no_vectors(folder))
+        try:
+            check_size(str(folder / SUMS), self._files.size(SUMS), MAX_TEXT)
+        except KeyError:
+            raise UsageError(_no_vectors(folder)) from None
         sums = self._files[SUMS]
         self._hash = hashlib.sha256(sums).hexdigest()
         try:
@@ -287,11 +289,14 @@ class VectorFolder:
         UsageError
             One is not.
         """
-        files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
         try:
+            there = sum(self._size(f"{name}/{part}") for part in self._parts[name])
+            check_size(f"all of {self.folder / name} together", there)
+            files = {part: self._file(f"{name}/{part}") for part in self._parts[name]}
             return from_files(files, self.folder / name)
         except UsageError as error:
-            raise UsageError(f"{error}; {_mended(self.folder, name)}") from None
+            advice = _mended(self.folder, name)
+            raise UsageError(str(error) if advice in str(error) else f"{error}; {advice}") from None
 
     def manifest(self, name: str) -> Mapping[str, Any]:
         """The manifest of a vector, of which nothing is checked but that it is the file that SHA256SUMS lists.
@@ -304,11 +309,12 @@ class VectorFolder:
         if MANIFEST not in self._parts[name]:
             raise UsageError(f"{self.folder / SUMS} lists no {name}/{MANIFEST}; {_mended(self.folder, name)}")
         data = self._file(f"{name}/{MANIFEST}")
-        with _damaged(self.folder / name, _mended(self.folder, name)):
-            manifest = json.loads(data)
-            if not isinstance(manifest, dict):
-                raise TypeError(f"{MANIFEST} holds {type(manifest).__name__}, not an object")
-        return manifest
+        try:
+            return manifest_of(data, MANIFEST)
+        except UsageError as error:
+            raise UsageError(
+                f"the vector {self.folder / name} cannot be read: {error}; {_mended(self.folder, name)}"
+            ) from None
 
     def input_size(self, name: str) -> int:
         """The bytes of a vector's inputs as `operation.input_size` counts them, by its manifest and the sizes of files.
@@ -317,7 +323,7 @@ class VectorFolder:
         """
         try:
             return sum(self._bytes_of(name, entry) for entry in self.manifest(name)["inputs"].values())
-        except (UsageError, LookupError, TypeError, ValueError, AttributeError):
+        except Exception:  # whatever a hostile manifest makes of what reads it
             return 0
 
     def _bytes_of(self, name: str, entry: Mapping[str, Any]) -> int:
@@ -326,7 +332,13 @@ class VectorFolder:
             return 8
         if "shape" in entry:
             return int(math.prod(entry["shape"]) * np.dtype(entry["dtype"]).itemsize)
-        return len(self._files[f"{name}/{entry['file']}"])
+        return self._files.size(f"{name}/{entry['file']}")
+
+    def _size(self, name: str) -> int:
+        try:
+            return self._files.size(name)
+        except KeyError:
+            raise UsageError(f"{self.folder / name} is missing; {_mended(self.folder, name)}") from None
 
     def _file(self, name: str) -> bytes:
         try:
@@ -375,13 +387,15 @@ def _damaged(vector: Path, advice: str) -> Iterator[None]:
         yield
     except UsageError:
         raise
-    except (LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
+    except OSError:
+        raise
+    except Exception as error:  # whatever a hostile manifest makes of what reads it
         raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {advice}") from None
 
 
 @cache
 def _schema() -> Mapping[str, Any]:
-    schema: Mapping[str, Any] = json.loads(SCHEMA.read_text(encoding="utf-8"))
+    schema: Mapping[str, Any] = read_json(SCHEMA)
     return schema
 
 
@@ -416,5 +430,3 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
         if (found := set(manifest[kind])) != (known := {port.name for port in ports}):
             raise UsageError(f"the manifest of {name} has the {kind} {', '.join(sorted(found))}; those of "
                              f"{operation.name} are {', '.join(sorted(known))}")  # fmt: skip
-    if not isinstance(manifest["title"], str):
-        raise UsageError(f"the title in the manifest of {name} is {manifest['title']!r}, not a text")

@@ -10,16 +10,17 @@ until = 2027-01-31                  # may be left out; after that day the waiver
 import datetime
 import json
 import textwrap
-import tomllib
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import MEND, looks_like
+from gsvc_conformance.globs import MAX_GLOB, Names, matcher
+from gsvc_conformance.reading import read_toml
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.spelling import question
 
@@ -29,6 +30,8 @@ QUOTED: Final = 60
 """Characters of a reason that a sentence about its waiver quotes."""
 MAX_NAMED: Final = 3
 """Maximum number of vectors that such a sentence names; more are counted."""
+MAX_UNMATCHED: Final = 10
+"""Maximum number of globs without a vector that get a sentence each; more are counted."""
 FEWEST: Final = 3
 """Minimum number of vectors that a glob is written for."""
 HEAD: Final = """\
@@ -68,7 +71,24 @@ class Waiver:
 
     def matches(self, name: str) -> bool:
         """Whether it names a vector."""
-        return any(fnmatchcase(name, pattern) for pattern in self.vectors)
+        return any(matcher(pattern)(name) for pattern in self.vectors)
+
+
+@dataclass(frozen=True)
+class Matches:
+    """What waivers are for among the vectors of a folder, which one pass over their globs finds.
+
+    Attributes
+    ----------
+    counting, over
+        By the id of a vector the first waiver that names it and counts, and the first one that does not any more.
+    unmatched
+        Each id or glob that matches no vector, with its waiver.
+    """
+
+    counting: dict[str, Waiver]
+    over: dict[str, Waiver]
+    unmatched: list[tuple[Waiver, str]]
 
 
 @dataclass(frozen=True)
@@ -88,29 +108,34 @@ class Waivers:
 
     def of(self, name: str) -> Waiver | None:
         """The waiver of a vector that counts today."""
-        return next((waiver for waiver in self.counting() if waiver.matches(name)), None)
+        return self.among([name]).counting.get(name)
+
+    def among(self, names: Iterable[str]) -> Matches:
+        """What they are for among some vectors."""
+        return _matches(self, tuple(names))
 
     def counting(self) -> list[Waiver]:
         """Those that are not over."""
-        return [waiver for waiver in self.entries if not self._over(waiver)]
+        return [waiver for waiver in self.entries if not self.is_over(waiver)]
 
     def ended(self, name: str) -> str:
         """A sentence about the waiver of a vector that counts no more; empty if there is none, or another counts."""
-        over = (waiver for waiver in self.entries if waiver.matches(name) and self._over(waiver))
-        return "" if self.of(name) else next(map(_end, over), "")
+        found = self.among([name])
+        return "" if name in found.counting or name not in found.over else _end(found.over[name])
 
     def reasons(self, names: Iterable[str]) -> dict[str, str]:
         """The reasons by id, of the vectors that are waived today."""
-        found = ((name, self.of(name)) for name in names)
-        return {name: waiver.excuse for name, waiver in found if waiver}
+        return {name: waiver.excuse for name, waiver in self.among(names).counting.items()}
 
     def unmatched(self, names: Sequence[str]) -> list[str]:
-        """A sentence about each id or glob that matches no vector of a folder."""
-        return [
+        """A sentence about each id or glob that matches no vector of a folder, if these are few."""
+        found = self.among(names).unmatched
+        sentences = [
             f"{waiver} names {pattern}, which matches no vector{question(pattern, names)}"
-            for waiver in self.entries for pattern in waiver.vectors
-            if not any(fnmatchcase(name, pattern) for name in names)
-        ]  # fmt: skip
+            for waiver, pattern in found[:MAX_UNMATCHED]
+        ]
+        more = len(found) - MAX_UNMATCHED
+        return sentences + [f"{more:,} other ids or globs of waivers match no vector: take them out"] * (more > 0)
 
     def stale(self, results: Sequence[Result], names: Sequence[str]) -> list[str]:
         """A sentence about whatever has to leave the file: what is over, matches no vector, or is not needed.
@@ -122,15 +147,36 @@ class Waivers:
         names
             The ids of all vectors of the folder.
         """
-        sentences = [_end(waiver) for waiver in self.entries if self._over(waiver)] + self.unmatched(names)
+        sentences = [_end(waiver) for waiver in self.entries if self.is_over(waiver)] + self.unmatched(names)
+        counting = self.among(names).counting
+        passing: dict[Waiver, list[str]] = {}
+        for result in results:
+            if result.outcome == "pass" and result.id in counting:
+                passing.setdefault(counting[result.id], []).append(result.id)
         for waiver in self.entries:
-            passing = [r.id for r in results if r.outcome == "pass" and self.of(r.id) is waiver]
-            if passing:
-                sentences.append(f"{waiver} is not needed: {_listed(passing)} {'pass' if passing[1:] else 'passes'}")
+            if found := passing.pop(waiver, None):
+                sentences.append(f"{waiver} is not needed: {_listed(found)} {'pass' if found[1:] else 'passes'}")
         return sentences
 
-    def _over(self, waiver: Waiver) -> bool:
+    def is_over(self, waiver: Waiver) -> bool:
+        """Whether its last day is past."""
         return waiver.until is not None and waiver.until < self.today
+
+
+@lru_cache(maxsize=2)
+def _matches(waivers: Waivers, names: tuple[str, ...]) -> Matches:
+    index = Names(names)
+    found = Matches({}, {}, [])
+    for waiver in waivers.entries:
+        first = found.over if waivers.is_over(waiver) else found.counting
+        for pattern in waiver.vectors:
+            matched = False
+            for name in index.matching(pattern):
+                matched = True
+                first.setdefault(name, waiver)
+            if not matched:
+                found.unmatched.append((waiver, pattern))
+    return found
 
 
 def _end(waiver: Waiver) -> str:
@@ -161,11 +207,11 @@ def read_waivers(path: Path | None, today: datetime.date | None = None) -> Waive
     if path is None:
         return Waivers((), today)
     try:
-        value = tomllib.loads(path.read_text(encoding="utf-8"))
+        value = read_toml(path)
     except OSError as error:
         raise UsageError(f"the waivers {path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise UsageError(f"{path} is no TOML: {error}; protocol.md shows what waivers look like") from None
+    except UsageError as error:
+        raise UsageError(f"{error}; protocol.md shows what waivers look like") from None
     for key in value.keys() - {TABLE}:
         raise UsageError(f"{path} has {key!r} outside of a waiver; each waiver begins with [[waiver]]")
     tables = value.get(TABLE, [])
@@ -189,6 +235,8 @@ def _waiver(what: str, table: Mapping[str, Any]) -> Waiver:
     vectors, until = table.get("vectors"), table.get("until")
     if not isinstance(vectors, list) or not vectors or not all(isinstance(name, str) and name for name in vectors):
         raise UsageError(f'{what} must have vectors = ["..."], ids of vectors or globs')
+    if too_long := [name for name in vectors if len(name) > MAX_GLOB]:
+        raise UsageError(f"{what} names {too_long[0][:QUOTED]!r}..., which is longer than any id: shorten it")
     if not _is_text(table.get("reason")):
         raise UsageError(f'{what} ({vectors[0]}) must have reason = "...", which says why these vectors may be wrong')
     if not _is_text(table.get("issue", "none")):
@@ -221,13 +269,21 @@ def renewed(
         The ids of the failures in which causes were looked for.
     """
     kept = []
+    found = waivers.among(names)
+    unmatched = set(found.unmatched)
+    of_each: dict[Waiver, list[Result]] = {}
+    for result in results:
+        if result.id in found.counting:
+            of_each.setdefault(found.counting[result.id], []).append(result)
     for waiver in waivers.counting():
-        mine = [result for result in results if waivers.of(result.id) is waiver]
+        mine = of_each.pop(waiver, [])
         needed = [result.id for result in mine if result.outcome != "pass"]
-        passing = {result.id for result in mine} - set(needed)
-        known = [p for p in waiver.vectors if any(fnmatchcase(name, p) for name in names)]
-        globs = [p for p in known if not any(fnmatchcase(name, p) for name in passing)]
-        left = [name for name in needed if not any(fnmatchcase(name, p) for p in globs)]
+        passing = Names({result.id for result in mine} - set(needed))
+        known = [p for p in waiver.vectors if (waiver, p) not in unmatched]
+        globs = [p for p in known if not any(passing.matching(p))]
+        index = Names(needed)
+        covered = {name for glob in globs for name in index.matching(glob)}
+        left = [name for name in needed if name not in covered]
         if globs or left:
             kept.append(replace(waiver, vectors=(*globs, *patterns(left, names))))
     groups: dict[tuple[str, str], list[str]] = {}

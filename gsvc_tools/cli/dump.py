@@ -242,7 +242,8 @@ def description_lines(entry: "Entry") -> list[str]:
     about = entry.syntax
     if about is None:
         return []
-    lines = [about["descriptor"] + (f", {about['range']}" if about.get("range") else "") + f": {about['meaning']}"]
+    said = about["descriptor"] + (f", {about['range']}" if about.get("range") else "")
+    lines = [f"{said}: {about['meaning']}" if about.get("meaning") else said]
     rules = syntax()["rules"]
     return lines + [f"{rule}  {rules[rule]['text'].replace('`', '')}" for rule in rules_of(about)]
 

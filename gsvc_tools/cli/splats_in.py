@@ -4,6 +4,7 @@ import re
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -131,27 +132,29 @@ def _import(arguments: Namespace) -> int:
 
     lost: list[str] = []
     source = _opened(arguments, lost)
-    width = source.width if arguments.width is None else arguments.width
-    height = source.height if arguments.height is None else arguments.height
-    if width is None or height is None:
-        raise UsageError(
-            f"{arguments.inputs[0]} does not say the size of the frames; give --width and --height in pixels"
-        )
-    rate = arguments.frame_rate or source.frame_rate or Fraction(25)
-    options = {name: value for name in WRITE_OPTIONS if (value := getattr(arguments, name)) is not None}
-    fault = None
+    out = sys.stderr if arguments.output == STDIO else sys.stdout
     talkative = not (arguments.quiet or arguments.json)
-    with compilation_notice(GSVC_IMPORT, silent=not talkative), ProgressDisplay(quiet=arguments.quiet) as display:
-        try:
-            report = write(
-                arguments.output, source.frames, width, height, rate, progress=progress_callback(display), **options
+    fault = None
+    with closing(source.frames):
+        width = source.width if arguments.width is None else arguments.width
+        height = source.height if arguments.height is None else arguments.height
+        if width is None or height is None:
+            raise UsageError(
+                f"{arguments.inputs[0]} does not say the size of the frames; give --width and --height in pixels"
             )
-        except IncompleteEncodeError as error:
-            fault, report = error, error.report
-        except SplatsError as error:
-            raise GsvcError("invalid", f"{source.files[error.frame]}: {error}") from None
-        finally:
-            source.frames.close()
+        rate = arguments.frame_rate or source.frame_rate or Fraction(25)
+        options = {name: value for name in WRITE_OPTIONS if (value := getattr(arguments, name)) is not None}
+        if talkative:  # what is written may take long, and a file of a few bytes may hold a million frames
+            show(f"{arguments.inputs[0]}: {plural(len(source.files), 'frame')}, {width}x{height}", file=out)
+        with compilation_notice(GSVC_IMPORT, silent=not talkative), ProgressDisplay(quiet=arguments.quiet) as display:
+            try:
+                report = write(
+                    arguments.output, source.frames, width, height, rate, progress=progress_callback(display), **options
+                )
+            except IncompleteEncodeError as error:
+                fault, report = error, error.report
+            except SplatsError as error:
+                raise GsvcError("invalid", f"{source.files[error.frame]}: {error}") from None
     lost += [*report.notes, _quantised(report)]
     if arguments.json:
         print_json(report_object(arguments, report, lost))
@@ -159,7 +162,7 @@ def _import(arguments: Namespace) -> int:
         for sentence in lost:
             say(GSVC_IMPORT, f"lost: {sentence}")
         if talkative:
-            show(summary(arguments.output, report), file=sys.stderr if arguments.output == STDIO else sys.stdout)
+            show(summary(arguments.output, report), file=out)
     if fault is not None:
         place = f"{source.files[fault.__cause__.frame]}: " if isinstance(fault.__cause__, SplatsError) else ""
         say(GSVC_IMPORT, str(GsvcError(fault.kind, place + fault.message, rule=fault.rule, bit=fault.bit)))

@@ -11,11 +11,12 @@
 Other names are left alone. Frames are read one by one, however large the file.
 """  # noqa: E501  (a table)
 
+import errno
+import io
 import math
-import struct
+import sys
 import warnings
 import zipfile
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from fractions import Fraction
@@ -41,11 +42,8 @@ MAX_NPZ_FRAMES: Final = 1 << 20
 MAX_NPZ_SPLATS: Final = 1 << 22
 """Maximum number of splats of a frame, that of the highest level (R-5-2)."""
 
-FAULTS: Final = (
-    zipfile.BadZipFile, NotImplementedError, RuntimeError, zlib.error, EOFError, ValueError, OverflowError,
-    struct.error, KeyError, MemoryError, SyntaxError, TypeError,
-)  # fmt: skip
-"""What zipfile and NumPy raise where bytes make no sense; RecursionError is a RuntimeError."""
+MAX_DIRECTORY: Final = 1 << 20
+"""Maximum number of bytes of the list of arrays in a file, which zipfile reads at once."""
 
 
 class _Header(NamedTuple):
@@ -53,6 +51,20 @@ class _Header(NamedTuple):
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
+    bytes_after: int
+    """What the archive says is there of its elements."""
+
+
+class _File(io.FileIO):
+    """A file that refuses a read of more than `most` bytes."""
+
+    most = MAX_DIRECTORY
+
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Read, perhaps less."""
+        if size is not None and size > self.most:
+            raise zipfile.BadZipFile(f"the list of its arrays takes {size} bytes; at most {self.most} are read")
+        return super().read(size)
 
 
 class NpzSplats:
@@ -64,17 +76,19 @@ class NpzSplats:
 
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
-        self._file = self.path.open("rb")
+        self._file = _File(self.path)
         try:
             with self._reading():
                 self._zip = zipfile.ZipFile(self._file)
+            self._file.most = sys.maxsize
             self._open()
         except BaseException:
             self.close()
             raise
 
     def _open(self) -> None:
-        shape = self._header_of("parameters").shape
+        parameters = self._header_of("parameters")
+        shape = parameters.shape
         if not (len(shape) in (2, 3) and shape[-1] == PARAMETERS_PER_SPLAT):
             self._refuse(f"parameters have the shape {shape}; it must be (splats, {PARAMETERS_PER_SPLAT})")
         counts = self._small("counts", MAX_NPZ_FRAMES)
@@ -85,7 +99,8 @@ class NpzSplats:
         else:
             if counts.ndim != 1 or counts.dtype.kind not in "iu" or len(shape) != 2:
                 self._refuse("counts must be integers, one for each frame, and parameters (splats, 8)")
-            self.counts = np.minimum(counts, MAX_NPZ_SPLATS + 1).astype(np.int64)
+            wide = counts.astype(f"{counts.dtype.kind}8")  # a type of 8 bits has no room for the limit
+            self.counts = np.minimum(wide, MAX_NPZ_SPLATS + 1).astype(np.int64)
         self._check_limit(int(self.counts.max(initial=0)), MAX_NPZ_SPLATS, "splats in a frame")
         if (self.counts < 0).any():
             frame = int(np.flatnonzero(self.counts < 0)[0])
@@ -93,11 +108,13 @@ class NpzSplats:
         total = int(self.counts.sum())
         if total != math.prod(shape[:-1]):
             self._refuse(f"counts add up to {total} splats; parameters has {math.prod(shape[:-1])}")
+        self._check_size("parameters", parameters)
         self._ids = "ids.npy" in self._zip.namelist()
         if self._ids:
             ids = self._header_of("ids")
             if ids.dtype.kind not in "iu" or ids.shape != (total,):
                 self._refuse(f"ids are {ids.dtype} of shape {ids.shape}; they must be integers, ({total},)")
+            self._check_size("ids", ids)
         self.width, self.height = self._whole("width"), self._whole("height")
         self.frame_rate = self._frame_rate()
         try:
@@ -145,12 +162,14 @@ class NpzSplats:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """Report faults of the bytes as a GsvcError."""
+        """Report faults of the bytes as a GsvcError: zipfile and NumPy raise anything where they make no sense."""
         try:
             yield
         except GsvcError:
             raise
-        except FAULTS as error:
+        except Exception as error:
+            if isinstance(error, OSError) and error.errno != errno.EINVAL:  # which a place before the file's start is
+                raise
             why = " ".join(str(error).split()) or type(error).__name__
             raise GsvcError("malformed", f"{self.path} is no sound NPZ file: {why}") from None
 
@@ -158,7 +177,10 @@ class NpzSplats:
         if f"{name}.npy" not in self._zip.namelist():
             held = ", ".join(self._zip.namelist()[:8]) or "nothing"
             self._refuse(f"there is no array {name!r} in it (it has {held}); see docs/splats-in-and-out.md")
-        return self._zip.open(f"{name}.npy")
+        member = self._zip.getinfo(f"{name}.npy")
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):  # others inflate without a limit
+            self._refuse(f"{name} is compressed in another way than numpy.savez and savez_compressed have; use these")
+        return self._zip.open(member)
 
     def _header(self, file: IO[bytes], name: str) -> _Header:
         """Read the header of an array, of version 1.0 alone: that of later ones may take gigabytes."""
@@ -172,7 +194,15 @@ class NpzSplats:
             self._refuse(f"{name} is {dtype}; it must be float16, float32, float64, or integers of up to 64 bits")
         if any(side < 0 for side in shape) or (fortran and len(shape) > 1):
             self._refuse(f"{name} must be in C order; save numpy.ascontiguousarray(...)")
-        return _Header(shape, dtype)
+        return _Header(shape, dtype, self._zip.getinfo(f"{name}.npy").file_size - file.tell())
+
+    def _check_size(self, name: str, header: _Header) -> None:
+        """Refuse an array that claims more elements than there are, or fewer, before anything is read of them."""
+        size = math.prod(header.shape) * header.dtype.itemsize
+        if size != header.bytes_after:
+            self._refuse(
+                f"{name} takes {size} bytes by its header, and has {header.bytes_after}; fetch or write it again"
+            )
 
     def _header_of(self, name: str) -> _Header:
         with self._reading(), self._member(name) as file:
@@ -192,6 +222,7 @@ class NpzSplats:
         with self._reading(), self._member(name) as file:
             header = self._header(file, name)
             self._check_limit(math.prod(header.shape), most, f"numbers in {name!r}")
+            self._check_size(name, header)
             return self._rows(file, header, header.shape, 0)
 
     def _whole(self, name: str) -> int | None:

@@ -5,7 +5,6 @@ reads lists and text as well, and allocates what a header claims.
 """
 
 import os
-import re
 from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple
 
@@ -23,6 +22,8 @@ MAX_HEADER: Final = 1 << 16
 MAX_PROPERTIES: Final = 1000
 MAX_VERTICES: Final = 1 << 22
 """Maximum number of splats of a frame, that of the highest level (R-5-2)."""
+MAX_SIZE: Final = 1 << 30
+"""Maximum number of bytes of the vertices, which are read at once; 3DGS writes 248 for each."""
 
 PROPERTY_TYPES: Final = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2", "ushort": "<u2",
@@ -84,7 +85,7 @@ def _header(file: BinaryIO, name: str) -> _Header:
     if lines[1:2] != ["format binary_little_endian 1.0"]:
         said = lines[1] if len(lines) > 1 else "nothing"
         raise GsvcError(
-            "unsupported", f"{name} says {said!r}; write it as binary_little_endian 1.0, as gsplat and 3DGS do"
+            "unsupported", f"{name} says {said[:80]!r}; write it as binary_little_endian 1.0, as gsplat and 3DGS do"
         )
     count, properties = None, []
     for line in lines[2:]:
@@ -93,13 +94,9 @@ def _header(file: BinaryIO, name: str) -> _Header:
             continue
         if words[0] == "element" and count is not None:
             break
-        if (
-            words[0] == "element"
-            and words[1:2] == ["vertex"]
-            and len(words) == 3
-            and re.fullmatch(r"\d{1,18}", words[2])
-        ):
-            count = int(words[2])
+        if words[:2] == ["element", "vertex"] and len(words) == 3 and words[2].isdecimal():
+            digits = words[2].lstrip("0") or "0"
+            count = int(digits[:18])  # more of them are beyond all limits anyway, and long for int()
         elif words[0] == "property" and count is not None and len(words) == 3 and words[1] in PROPERTY_TYPES:
             properties.append((words[2], PROPERTY_TYPES[words[1]]))
         else:
@@ -110,16 +107,17 @@ def _header(file: BinaryIO, name: str) -> _Header:
             )
     if count is None:
         raise GsvcError("malformed", f"{name} has no element 'vertex'; give a PLY file of Gaussian splats")
-    if count > MAX_VERTICES or len(properties) > MAX_PROPERTIES:
+    size = count * sum(np.dtype(kind).itemsize for _, kind in properties)
+    if count > MAX_VERTICES or len(properties) > MAX_PROPERTIES or size > MAX_SIZE:
         raise GsvcError(
             "limit",
-            f"{name} has {count} vertices with {len(properties)} properties; at most {MAX_VERTICES} with "
-            f"{MAX_PROPERTIES} are read",
+            f"{name} has {digits[:80]} vertices with {len(properties)} properties; at most {MAX_VERTICES} with "
+            f"{MAX_PROPERTIES} in {MAX_SIZE} bytes are read",
         )
     names = [name for name, _ in properties]
     if len(set(names)) != len(names):
         raise GsvcError("malformed", f"{name}: two properties of the vertices have the same name")
-    others = [" ".join(line.split()[1:2]) for line in lines[2:] if line.split()[:1] == ["element"]][1:]
+    others = [" ".join(line.split()[1:2])[:80] for line in lines[2:] if line.split()[:1] == ["element"]][1:]
     return _Header(count, np.dtype(properties), others)
 
 
@@ -127,9 +125,13 @@ def _lines(file: BinaryIO, name: str) -> list[str]:
     """The lines of the header up to ``end_header``."""
     lines: list[str] = []
     size = 0
-    while size <= MAX_HEADER:
-        line = file.readline(MAX_HEADER)
+    while True:
+        line = file.readline(MAX_HEADER + 1 - size)
         size += len(line)
+        if size > MAX_HEADER:
+            raise GsvcError(
+                "limit", f"{name} has a header of more than {MAX_HEADER} bytes; give a PLY file of Gaussian splats"
+            )
         text = line.decode("ascii", "replace").strip()
         if not lines and text != "ply":
             raise GsvcError("malformed", f"{name} is no PLY file; it does not begin with 'ply'")
@@ -138,7 +140,6 @@ def _lines(file: BinaryIO, name: str) -> list[str]:
         if text == "end_header":
             return lines
         lines.append(text)
-    raise GsvcError("limit", f"{name} has a header of more than {MAX_HEADER} bytes; give a PLY file of Gaussian splats")
 
 
 def write_ply(path: str | Path, columns: Columns) -> None:

@@ -54,6 +54,7 @@ class SplatCoder:
         self._ids = np.empty(0, np.int64)  # of the decoded splats
         self._given: GivenSplats | None = None  # the splats of the frame before as they were given
         self._accepted = 0.0  # the loss of the last I-frame against the splats given
+        self._reached = np.inf  # the PSNR of the frame before
         self._renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
 
     def elements(self) -> dict[str, Any]:
@@ -66,9 +67,13 @@ class SplatCoder:
 
     def encode(self, frame: GivenSplats, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Code a frame as an I-frame or, for type ``P``, in the way that is best; the next one follows on it."""
-        self._check_level(frame, number)
         progress("quantize", 0, 0, np.inf)
         seconds = StageSeconds()
+        if frame_type == "P" and self._equals_last(frame):  # nothing is rendered: a few bytes may hold a million such
+            return EncodedFrame(
+                FrameCodes.repeated_frame(), self.state, self._reached, 0, seconds, reason="equal to the frame before"
+            )
+        self._check_level(frame, number)
         with seconds.timed("start"):
             given = Splats.from_array(frame.parameters)
             objective = Objective(
@@ -78,11 +83,11 @@ class SplatCoder:
             coded, reason = self._coded(frame, frame_type, number, objective)
         with seconds.timed("check"):
             wanted, shown = (self._renderer.frame(splats, self.bit_depth) for splats in (given, coded.state.splats))
-            reached = psnr(wanted, shown, (1 << self.bit_depth) - 1)
+            self._reached = psnr(wanted, shown, (1 << self.bit_depth) - 1)
         if coded.codes.type == "I":
             self._accepted = objective.loss(coded.state.splats.to_array())
         self.state, self._ids, self._given = coded.state, coded.ids, frame
-        return EncodedFrame(coded.codes, coded.state, reached, 0, seconds, reason=reason)
+        return EncodedFrame(coded.codes, coded.state, self._reached, 0, seconds, reason=reason)
 
     def _check_level(self, frame: GivenSplats, number: int) -> None:
         """Refuse what no level up to this one allows, before anything is rendered."""
@@ -104,13 +109,11 @@ class SplatCoder:
         """The frame in codes, and the reason for its type where it was chosen here."""
         if frame_type == "I":
             return self._intra(frame, number, objective), None
-        if self._equals_last(frame):
-            return self._repeated(), "equal to the frame before"
         if not np.isin(self._ids, frame.ids).any():
             return self._intra(frame, number, objective), "no splat of the frame before stays"
         inter = self._inter(frame, number, objective)
         if not _changes(inter.codes):
-            return self._repeated(), "nothing to see of what changed"
+            return _Coded(FrameCodes.repeated_frame(), self.state, self._ids), "nothing to see of what changed"
         if self.settings.key_frames != "auto":
             return inter, None
         intra = self._intra(frame, number, objective)
@@ -126,9 +129,6 @@ class SplatCoder:
             and np.array_equal(frame.parameters, last.parameters)
             and np.array_equal(frame.ids, last.ids)
         )
-
-    def _repeated(self) -> _Coded:
-        return _Coded(FrameCodes.repeated_frame(), self.state, self._ids)
 
     def _intra(self, frame: GivenSplats, number: int, objective: Objective) -> _Coded:
         """The codes of an I-frame."""

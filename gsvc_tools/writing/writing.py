@@ -1,6 +1,6 @@
 """Writing splats that somebody else has found: frames of splats in, a `.gsvc` stream out."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sized
 from contextlib import contextmanager, nullcontext
 from shutil import copyfileobj
 from tempfile import TemporaryFile
@@ -129,7 +129,7 @@ def write(
     given = GivenFrames(frames_of_splats, video.width, video.height, degenerate)
     highest = level or max(LEVELS)
     coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
-    reporter = ProgressReporter(progress, video.frame_count)
+    reporter = ProgressReporter(progress, len(frames_of_splats) if isinstance(frames_of_splats, Sized) else None)
     plan = StreamPlan(
         coder, video, highest, least_level=level is None, notes=lambda _: _notes(given), threads=threads,
         wrapped=_correctable if level is None else nullcontext, name="gsvc_ref.write",

@@ -3,16 +3,29 @@
 import io
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from gsvc_base.errors import UsageError
+from gsvc_base.syntax import elements, rules_of
 from gsvc_conformance.spec import SPEC
 from gsvc_conformance.vector import VECTORS
+from gsvc_ref.bitstream.header import MAIN, PAPER
 from gsvc_ref.cli import main
-from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
-from gsvc_tools.listing import list_elements, name_at, place_of
+from gsvc_ref.testing import (
+    OVERVIEW_HEADER,
+    RICH_HEADER,
+    Lie,
+    overview_frames,
+    random_main_stream,
+    rich_frames,
+    write_stream,
+)
+from gsvc_tools.cli.dump import description_lines
+from gsvc_tools.listing import Entry, list_elements, name_at, place_of
 from tests.hostile.hostile_streams import chunk
 
 RICH = write_stream(RICH_HEADER, rich_frames())
@@ -73,9 +86,9 @@ def test_the_table_of_the_spec():
     entries, fault, _ = entries_of(data)
     assert fault is None
     assert len(rows) > 50
-    for byte, _, elements in rows:
+    for byte, _, names in rows:
         entry = next(entry for entry in entries if entry.bit == 8 * int(byte))
-        first = re.match(r"`(\w+)`", elements)[1]
+        first = re.match(r"`(\w+)`", names)[1]
         assert first in entry.full_name.replace("plane_mode of ", "")
 
 
@@ -116,6 +129,19 @@ def test_blocks_of_a_p_frame_are_told_apart():
     for kind in ("inter", "intra"):
         assert f"positions_present, {kind} block, frame 1" in names
     assert "positions_present, frame 0" in names
+
+
+def test_every_element_of_the_document_is_described():
+    """What the listing says about an element is what the document says under its heading, in both profiles."""
+    for structure, about in elements():
+        profile = MAIN if structure in ("main_header", "frame_body", "densities", "layer") else PAPER
+        chunk = "E" if structure == "end" else "I"
+        entry = Entry(0, 8, about["name"], "", "", chunk, 0, 1, profile=profile)
+        assert entry.syntax["heading"] == about["heading"]
+        lines = description_lines(entry)
+        assert lines[0].startswith(about["descriptor"]), lines
+        assert about.get("meaning", about.get("range")) in lines[0]
+        assert len(lines) == 1 + len(rules_of(about))
 
 
 def test_lines(dump, save):
@@ -294,6 +320,33 @@ def test_lies_with_checksums_made_right(name):
         assert fault is None or at_fault is not None or fault.rule in NAMELESS_FAULTS
         faults += fault is not None
     assert faults > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("frame_reserved", 2), ("motion_cell", 3), ("lane_exponent", 7), ("lane_state", 0), ("word", 0)]
+)
+def test_lies_in_frames_of_profile_main(dump, save, name, value):
+    """A frame may have no words, and an element no meaning beside its range."""
+    faults = set()
+    for number in range(24):
+        stream = random_main_stream(number // 2, max_frames=2, max_count=number % 4, max_pixels=16)
+        lie = Lie(name, lambda truth: truth + 1 if isinstance(truth, np.ndarray) else value)
+        try:
+            data = write_stream(stream.header, stream.frames, lies=[lie])
+        except UsageError:  # it has no such element
+            continue
+        status, lines, _ = dump(save(data), *["--all"][: number % 2])
+        assert status in (0, 1)
+        faults |= {lines[at + 1].split()[1].strip(",") for at, line in enumerate(lines) if line.startswith("fault: ")}
+    assert faults
+
+
+def test_an_element_of_a_run_without_any_bits():
+    """Symbols of an alphabet of one take no bits: each bit after them finds the last."""
+    run = Entry(80, 0, "symbol", "position_low x", "", "I", 0, np.zeros(3, np.int64), first=0)
+    assert run.item_at(80).full_name == "symbol[2] of position_low x, frame 0"
+    none = replace(run, value=np.zeros(0, np.int64))
+    assert none.item_at(80) is none
 
 
 def test_output_that_nobody_reads(dump, save, monkeypatch):

@@ -16,6 +16,7 @@ from toy_operations import write_program
 
 from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
+from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.report.json import from_object, read, to_object
 from gsvc_conformance.results import OutputResult, Report, Result
 from gsvc_conformance.runner import judge_outputs
@@ -76,6 +77,12 @@ EDITS = [
     (lambda r: r["results"][0].update(seconds="x"), "seconds of result 0 is 'x'; it must be a number"),
     (lambda r: r["results"][0].update(seconds=math.nan), "seconds of result 0 is nan"),
     (lambda r: r["results"][0].update(seconds=True), "seconds of result 0 is True"),
+    (lambda r: r["results"][0].update(seconds=10**400), r"seconds of result 0 is 10+\.\.\.; it must be a number"),
+    (lambda r: r["results"][0].update(size=10**400), "size of result 0 is 10+"),
+    (lambda r: r["results"][0].update(level=-1), "level of result 0 is -1; it must be a whole number"),
+    (lambda r: r["results"][0]["outputs"][0].update(ratio=10**400), "ratio of an output of core/scale/a is 10+"),
+    (lambda r: r["results"][0]["outputs"][0].update(place=[True]), "place of an output of core/scale/a is .True."),
+    (lambda r: r["results"][0]["outputs"][0].update(wrong=10**400), "wrong of an output of core/scale/a is 10+"),
     (lambda r: r["results"][0].update(log=5), "log of result 0 is 5; it must be a text"),
     (lambda r: r["results"][0].update(message=[]), "message of result 0 is .*; it must be a text"),
     (lambda r: r["results"][0].update(title=None), "title of result 0 is None"),
@@ -121,18 +128,36 @@ def test_what_is_no_report_at_all(tmp_path, capsys, text):
     assert str(path) in capsys.readouterr().err
 
 
-@pytest.mark.parametrize(("fault", "status"), [(KeyboardInterrupt(), 130), (RuntimeError("a bug of the kit"), 70)])
-def test_a_run_that_ends_early_keeps_what_it_judged(folder, toy_module, tmp_path, capsys, monkeypatch, fault, status):
-    """A fault in the judgement of one vector lost the results of all others."""
-    judged = []
+def test_a_fault_in_the_judgement_of_one_vector_is_an_error_of_it(folder, toy_module, tmp_path, capsys, monkeypatch):
+    """It lost the results of all others."""
 
     def judge(vector, *more):
-        if len(judged) == 3:
-            raise fault
-        judged.append(vector.id)
+        if vector.id == "core/scale/by_two":
+            raise RuntimeError("a bug of the kit")
         return judge_outputs(vector, *more)
 
     monkeypatch.setattr("gsvc_conformance.runner.judge_outputs", judge)
+    path = tmp_path / "report.json"
+    assert run(folder, "--module", toy_module(), "--json", path) == 1
+    report = read(path)
+    assert len(report.results) == 9
+    (wrong,) = report.faults
+    assert wrong.id == "core/scale/by_two"
+    assert wrong.message.startswith("its answer cannot be judged (RuntimeError: a bug of the kit): please report it")
+
+
+@pytest.mark.parametrize(("fault", "status"), [(KeyboardInterrupt(), 130), (OSError(28, "No space left"), 1)])
+def test_a_run_that_ends_early_keeps_what_it_judged(folder, toy_module, tmp_path, capsys, monkeypatch, fault, status):
+    judged = []
+
+    def answer(self, operation, inputs, turn=0, name=""):
+        if len(judged) == 3:
+            raise fault
+        judged.append(name)
+        return answered(self, operation, inputs, turn, name)
+
+    answered = ModuleImplementation.run
+    monkeypatch.setattr(ModuleImplementation, "run", answer)
     path = tmp_path / "report.json"
     assert run(folder, "--module", toy_module(), "--json", path, "--html", tmp_path / "page.html") == status
     out, err = capsys.readouterr()
@@ -142,7 +167,7 @@ def test_a_run_that_ends_early_keeps_what_it_judged(folder, toy_module, tmp_path
     assert report.ended.startswith("ended early, after 3 of 9 vectors: ")
     assert f"note: {report.ended}" in out
     assert out.endswith("\nENDED EARLY, before all vectors were judged\n")
-    assert ("interrupted" if status == 130 else "a bug of the kit") in err
+    assert ("interrupted" if status == 130 else "No space left") in err
     assert "ended early" in (tmp_path / "page.html").read_text(encoding="utf-8").lower()
     assert main(["report", str(path)]) == 2
 

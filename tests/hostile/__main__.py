@@ -1,7 +1,8 @@
-"""The long checks of hostile input: ``python -m tests.hostile damage`` and ``... memory LEVEL [ENTRY ...]``.
+"""The long checks of hostile input: ``python -m tests.hostile damage``, ``... memory LEVEL`` and ``... viewer LEVEL``.
 
 ``damage`` tries every truncation and every flipped bit of every core stream, with gsvc_ref and with the decoder of
-spec.md; ``memory`` measures the peak memory of every way into the decoder for streams at the limits of a level.
+spec.md; ``memory`` measures the peak memory of every way into the decoder for streams at the limits of a level;
+``viewer`` what a frame of such streams costs the viewer's decoder, in Node, beside gsvc_ref.
 """
 
 import sys
@@ -10,6 +11,7 @@ from collections import Counter
 from time import perf_counter
 
 from gsvc_ref.bitstream import LEVELS
+from tests.hostile import viewer_cost
 from tests.hostile.damage import LibraryDecoder, SpecDecoder, core_streams, damages
 from tests.hostile.memory import ENTRIES, table
 
@@ -40,11 +42,13 @@ def main(arguments: list[str]) -> int:
     given = build_parser().parse_args(arguments)
     if given.command == "damage":
         return 0 if try_all() else 1
+    if given.command == "viewer":
+        return 0 if viewer_cost.table(given.level) else 1
     return 0 if table(given.level, given.entries or ENTRIES) else 1
 
 
 def build_parser() -> ArgumentParser:
-    """The parser of the two checks."""
+    """The parser of the checks."""
     parser = ArgumentParser("python -m tests.hostile", description="The long checks of hostile input.")
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("damage", help="every truncation and every flipped bit of every core stream")
@@ -53,7 +57,9 @@ def build_parser() -> ArgumentParser:
         "memory", help="peak memory of decoding streams at the limits of a level", epilog=f"ENTRY is one of:{entries}",
         formatter_class=RawDescriptionHelpFormatter,
     )  # fmt: skip
-    memory.add_argument("level", type=int, choices=LEVELS, metavar="LEVEL", help=", ".join(map(str, LEVELS)))
+    viewer = commands.add_parser("viewer", help="CPU time of a frame in the viewer's decoder, beside gsvc_ref's")
+    for command in (memory, viewer):
+        command.add_argument("level", type=int, choices=LEVELS, metavar="LEVEL", help=", ".join(map(str, LEVELS)))
     memory.add_argument("entries", nargs="*", type=entry_name, metavar="ENTRY", help="ways into the decoder; all")
     return parser
 

@@ -123,10 +123,10 @@ def repeated(number: int) -> bytes:
     return chunk("R", encode_uv(number))
 
 
-def main_header(level: int, width: int, height: int) -> SequenceHeader:
+def main_header(level: int, width: int, height: int, **others: int) -> SequenceHeader:
     """A header of profile `main` with all lanes and layers that there may be."""
     return SequenceHeader(
-        profile=MAIN, level=level, width=width, height=height, bit_depth=8, lane_count=64, layer_count=4
+        profile=MAIN, level=level, width=width, height=height, bit_depth=8, lane_count=64, layer_count=4, **others
     )
 
 

@@ -211,15 +211,17 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                 if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:
                     book.add(judged.vector, judged.outputs, judged.result)
 
+            waivers = plan.waivers.reasons(plan.folder.names)
             order = plan.names if arguments.order is None else shuffled(plan.names, arguments.order)
             run_suite(
-                implementation, plan.folder.read(order), waivers=plan.waivers.reasons(plan.names), skips=plan.skips,
+                implementation, plan.folder.read(order), waivers=waivers, skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
                 level=plan.claim.level if plan.claim else 1, features=plan.features,
                 profile=plan.claim.profile if plan.claim else "",
             )  # fmt: skip
             display.update("looking for causes", len(plan.names), len(plan.names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
+            notes += book.faults
     except (Exception, KeyboardInterrupt) as error:
         if not done:
             raise

@@ -71,7 +71,7 @@ def check_outputs(arguments: Namespace) -> bool:
 
 def write_files(
     arguments: Namespace, report: Report, pictures: "Mapping[str, View] | None"
-) -> tuple[list[str], list[OSError]]:
+) -> tuple[list[str], list[Exception]]:
     """Write the files that were asked for; where each went, and what could not be written."""
     from gsvc_conformance.report.badge import badge_json
     from gsvc_conformance.report.json import to_text
@@ -86,12 +86,13 @@ def write_files(
         "markdown": ("Markdown", lambda: summary_markdown(report)),
         "badge": ("badge", lambda: badge_json(report)),
     }
-    lines, refused = [], []
+    lines: list[str] = []
+    refused: list[Exception] = []
     for kind, (what, text) in texts.items():
         if (path := getattr(arguments, kind, None)) is not None:
             try:
                 _write(text(), path)
-            except OSError as error:
+            except Exception as error:  # the other files are written all the same
                 refused.append(error)
             else:
                 lines.append(f"{what}: {path}")

@@ -25,7 +25,8 @@ def run(arguments: Namespace) -> int:
     folder = VectorFolder(arguments.vectors)
     names = folder.names
     show(*counts(names))
-    size = sum(map(len, files_in(arguments.vectors).values()))
+    files = files_in(arguments.vectors)
+    size = sum(map(files.size, files))
     show(f"\n{plural(len(names), 'vector')}, {size / 1e6:.2f} MB", f"SHA-256 of {SUMS}: {folder.sha256}")
     if (last := VectorFolder(arguments.vectors, "newest")).set:
         show(f"SHA-256 of set {last.set.number}, which verdicts quote: {last.sha256}")

@@ -1,6 +1,5 @@
 """Several reports beside each other, in Markdown: what was judged where, classes, operations, and speeds."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +8,7 @@ from typing import Any, Final, get_args
 from gsvc_base.errors import UsageError
 from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.profiles import PROFILES
+from gsvc_conformance.reading import read_json
 from gsvc_conformance.report.console import conclusion, ratio_text
 from gsvc_conformance.results import Report, Summary
 
@@ -62,10 +62,7 @@ def read_speeds(path: Path) -> dict[str, Any]:
     UsageError
         It is something else.
     """
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise UsageError(f"{path}: {error}") from None
+    value = read_json(path)
     parts = {"date", "machine", "works", "implementations"}
     if not isinstance(value, dict) or value.get("form") != SPEEDS or not parts <= value.keys():
         raise UsageError(f"{path} has not the form {SPEEDS} that `python -m gsvc_lab.benchmarks.adapters` writes")

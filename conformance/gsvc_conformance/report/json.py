@@ -14,15 +14,32 @@ from gsvc_base.errors import UsageError
 from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import features_of
 from gsvc_conformance.profiles import ANY
+from gsvc_conformance.reading import read_json
 from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
+from gsvc_conformance.schema import (
+    COUNT,
+    COUNTS,
+    FLAG,
+    LIST,
+    NAMED_TEXTS,
+    NEEDED,
+    NUMBER,
+    OBJECT_OR_NOT,
+    ROWS,
+    TEXT,
+    TEXT_OR_NOT,
+    TEXTS,
+    Kind,
+    Schema,
+    checked,
+    cut,
+    shown,
+)
 
+AS_WRITTEN: Final = ", as `run --json` wrote it"
 FORMAT: Final = "gsvc-conformance-report/1"
 INFINITE: Final = "infinite"
 """The texts in JSON for a ratio that is not finite."""
-TYPES: Final[Mapping[type, str]] = {
-    str: "a text", bool: "true or false", int: "a whole number", list: "a list", dict: "an object",
-}  # fmt: skip
-"""Names of the types of fields."""
 
 
 def to_text(report: Report) -> str:
@@ -46,8 +63,8 @@ def read(path: Path) -> Report:
         It is no report.
     """
     try:
-        return from_object(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, RecursionError) as error:
+        return from_object(read_json(path))
+    except UsageError as error:
         raise UsageError(f"{path} is no report of `run --json`: {error}") from None
 
 
@@ -138,15 +155,13 @@ def from_object(value: Any) -> Report:
     """
     if not isinstance(value, dict) or value.get("format") != FORMAT:
         found = value.get("format") if isinstance(value, dict) else type(value).__name__
-        raise UsageError(f"its format is {found!r}, not {FORMAT!r}")
-    report = _Entry(value, "the report")
+        raise UsageError(f"its format is {shown(found)}, not {FORMAT!r}")
+    report = checked(value, REPORT, "the report", AS_WRITTEN)
+    results = [result_from(entry, f"result {number}") for number, entry in enumerate(report.pop("results"))]
+    claim, features, stale = report.pop("claim"), report.pop("features"), tuple(report.pop("stale"))
     return Report(
-        report.texts("environment"), report.text("command"), report.text("selection"), report.list_of_texts("notes"),
-        [result_from(entry, f"result {number}") for number, entry in enumerate(report.get("results", list))],
-        report.texts("runs_on", {}), report.text("ended", ""),
-        read_claim(report.text("claim")) if "claim" in report else None, report.get("whole", bool, False),
-        features_of(report.get("features", dict), "the report") if "features" in report else None,
-        tuple(report.list_of_texts("stale", [])), report.text("options", ""),
+        **report, results=results, stale=stale, claim=None if claim is None else read_claim(claim),
+        features=None if features is None else features_of(features, "the report"),
     )  # fmt: skip
 
 
@@ -158,106 +173,59 @@ def result_from(value: Any, what: str) -> Result:
     UsageError
         It is something else.
     """
-    entry = _Entry(value, what)
-    name = entry.text("id")
-    if entry.get("outcome", str) not in OUTCOMES or name.count("/") != 2:
-        raise UsageError(f"{name!r} has the outcome {entry.get('outcome', str)!r}; there are {', '.join(OUTCOMES)}")
-    outputs = tuple(
-        OutputResult(
-            out.text("name"), out.text("check"), out.get("passed", bool), out.text("message", ""), _from_ratio(out),
-            _from_place(out), out.get("wrong", int, 0), out.text("refused", ""),
-            out.text("advice", ""),
-        )
-        for out in (_Entry(output, f"an output of {name}") for output in entry.get("outputs", list, []))
-    )  # fmt: skip
+    result = checked(value, RESULT, what, AS_WRITTEN)
+    name = result["id"]
+    if result["outcome"] not in OUTCOMES or name.count("/") != 2:
+        raise UsageError(f"{shown(name)} has the outcome {shown(result['outcome'])}; there are {', '.join(OUTCOMES)}")
+    outputs = [checked(output, OUTPUT, f"an output of {cut(name)}", AS_WRITTEN) for output in result.pop("outputs")]
+    group, causes, table = result.pop("class"), tuple(result.pop("causes")), result.pop("table")
     return Result(
-        name, entry.text("title"), entry.text("class"), entry.get("outcome", str), entry.text("message", ""), outputs,
-        tuple(entry.list_of_texts("causes", [])), entry.text("log", ""), entry.number("seconds"), _from_table(entry),
-        entry.get("size", int, 0), entry.get("level", int, 1),
-        entry.text("outside", ""), entry.text("profile", ANY),
+        **result, group=group, causes=causes,
+        outputs=tuple(
+            OutputResult(**{**out, "ratio": _from_ratio(out["ratio"]), "place": _from_place(out["place"])})
+            for out in outputs
+        ),
+        table=_table_from(checked(table, TABLE, f"the table of {cut(name)}", AS_WRITTEN)) if table else None,
     )  # fmt: skip
 
 
-def _from_table(result: "_Entry") -> Table | None:
-    value = result.get("table", dict, {})
-    if not value:
-        return None
-    table = _Entry(value, "the table of a result")
-    rows = table.get("rows", list)
-    if not all(isinstance(row, list) and all(isinstance(cell, str) for cell in row) for row in rows):
-        raise table.refusal("rows", "a list of lists of texts")
-    return Table(table.text("title"), tuple(table.list_of_texts("columns")), tuple(tuple(row) for row in rows))
+def _table_from(table: Mapping[str, Any]) -> Table:
+    return Table(table["title"], tuple(table["columns"]), tuple(map(tuple, table["rows"])))
 
 
-class _Entry:
-    """An object of JSON whose fields must be of the types that are asked for.
+def _is_ratio(value: Any) -> bool:
+    return COUNT.holds(value) or (type(value) is float and 0 <= value < math.inf)
 
-    Raises
-    ------
-    UsageError
-        It is none, or a field is missing or of another type; the message names the field.
-    """
 
-    def __init__(self, value: Any, name: str) -> None:
-        self._name = name
-        if not isinstance(value, dict):
-            raise UsageError(f"{name} is {value!r}; it must be an object, as `run --json` wrote it")
-        self._value = value
-
-    def get(self, field: str, kind: type, default: Any = None) -> Any:
-        """A field; `default`, unless it is None, stands for one that is left out."""
-        found = self._value.get(field, default)
-        if not isinstance(found, kind) or (isinstance(found, bool) and kind is not bool):
-            raise self.refusal(field, TYPES[kind])
-        return found
-
-    def refusal(self, field: str, what: str) -> UsageError:
-        """The error for a field that is something else."""
-        found = repr(self._value[field]) if field in self._value else "missing"
-        return UsageError(f"{field} of {self._name} is {found}; it must be {what}, as `run --json` wrote it")
-
-    def text(self, field: str, default: str | None = None) -> str:
-        """A text."""
-        return str(self.get(field, str, default))
-
-    def number(self, field: str) -> float:
-        """A finite number that is not negative."""
-        found = self._value.get(field)
-        if isinstance(found, bool) or not isinstance(found, int | float) or not 0 <= found < math.inf:
-            raise self.refusal(field, "a number")
-        return float(found)
-
-    def texts(self, field: str, default: dict[str, str] | None = None) -> dict[str, str]:
-        """Texts by name."""
-        found: dict[str, str] = self.get(field, dict, default)
-        if not all(isinstance(text, str) for text in found.values()):
-            raise self.refusal(field, "an object of texts")
-        return found
-
-    def list_of_texts(self, field: str, default: list[str] | None = None) -> list[str]:
-        """Several texts."""
-        found: list[str] = self.get(field, list, default)
-        if not all(isinstance(text, str) for text in found):
-            raise self.refusal(field, "a list of texts")
-        return found
-
-    def __contains__(self, field: str) -> bool:
-        return self._value.get(field) is not None
+RATIO: Final = Kind("a number", lambda value: value in (None, INFINITE) or _is_ratio(value))
+PLACE: Final = Kind(COUNTS.words, lambda value: value is None or COUNTS.holds(value))
+REPORT: Final[Schema] = {
+    "environment": (NAMED_TEXTS, NEEDED), "command": (TEXT, NEEDED), "selection": (TEXT, NEEDED),
+    "notes": (TEXTS, NEEDED), "results": (LIST, NEEDED), "runs_on": (NAMED_TEXTS, {}), "ended": (TEXT, ""),
+    "claim": (TEXT_OR_NOT, None), "whole": (FLAG, False), "features": (OBJECT_OR_NOT, None), "stale": (TEXTS, []),
+    "options": (TEXT, ""),
+}  # fmt: skip
+RESULT: Final[Schema] = {
+    "id": (TEXT, NEEDED), "title": (TEXT, NEEDED), "class": (TEXT, NEEDED), "outcome": (TEXT, NEEDED),
+    "message": (TEXT, ""), "outputs": (LIST, []), "causes": (TEXTS, []), "log": (TEXT, ""),
+    "seconds": (NUMBER, NEEDED), "table": (OBJECT_OR_NOT, None), "size": (COUNT, 0), "level": (COUNT, 1),
+    "outside": (TEXT, ""), "profile": (TEXT, ANY),
+}  # fmt: skip
+OUTPUT: Final[Schema] = {
+    "name": (TEXT, NEEDED), "check": (TEXT, NEEDED), "passed": (FLAG, NEEDED), "message": (TEXT, ""),
+    "ratio": (RATIO, None), "place": (PLACE, None), "wrong": (COUNT, 0), "refused": (TEXT, ""), "advice": (TEXT, ""),
+}  # fmt: skip
+TABLE: Final[Schema] = {"title": (TEXT, NEEDED), "columns": (TEXTS, NEEDED), "rows": (ROWS, NEEDED)}
+"""Of a report and its parts, the fields that are read, what each may be, and what stands for one that is left out."""
 
 
 def _to_ratio(ratio: float | None) -> float | str | None:
     return ratio if ratio is None or math.isfinite(ratio) else INFINITE
 
 
-def _from_ratio(entry: _Entry) -> float | None:
-    if "ratio" not in entry:
-        return None
-    return math.inf if entry.get("ratio", object) == INFINITE else entry.number("ratio")
+def _from_ratio(ratio: float | str | None) -> float | None:
+    return math.inf if ratio == INFINITE else None if ratio is None else float(ratio)
 
 
-def _from_place(entry: _Entry) -> tuple[int, ...] | None:
-    if "place" not in entry:
-        return None
-    if not all(isinstance(index, int) for index in entry.get("place", list)):
-        raise entry.refusal("place", "a list of whole numbers")
-    return tuple(entry.get("place", list))
+def _from_place(place: list[int] | None) -> tuple[int, ...] | None:
+    return None if place is None else tuple(place)

@@ -1,6 +1,5 @@
 """The files of `run --keep DIR`: DIR/ID/in, DIR/ID/out and DIR/ID/expected of each wrong vector."""
 
-import shutil
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.process import write_inputs
 from gsvc_conformance.runner import Judged
+from gsvc_conformance.scratch import remove
 
 PARTS: Final = ("in", "out", "expected")
 
@@ -19,7 +19,7 @@ def forget(folder: Path, names: Iterable[str]) -> None:
     """Remove what an earlier run kept of some vectors, and nothing else."""
     for name in names:
         for part in PARTS:
-            shutil.rmtree(folder / name / part, ignore_errors=True)
+            remove(folder / name / part)
         with suppress(OSError):  # it is not there, or holds something else
             (folder / name).rmdir()
 

@@ -159,9 +159,16 @@ def _paint(values: NDArray[Any]) -> U1:
 
 
 class PictureBook:
-    """The views of the simplest few wrong vectors of each operation, and of the worst one."""
+    """The views of the simplest few wrong vectors of each operation, and of the worst one.
+
+    Attributes
+    ----------
+    faults
+        A sentence about each vector that could not be drawn.
+    """
 
     def __init__(self) -> None:
+        self.faults: list[str] = []
         self._simplest: dict[str, list[tuple[tuple[int, int, str], View]]] = {}
         self._worst: dict[str, tuple[float, str, View]] = {}
 
@@ -175,7 +182,11 @@ class PictureBook:
             -self._worst[result.operation][0],
             self._worst[result.operation][1],
         )
-        view = view_of(vector, outputs, result) if simple or worst else None
+        view: View | None = None
+        try:
+            view = view_of(vector, outputs, result) if simple or worst else None
+        except Exception as error:  # whatever an output makes of what draws it: the page has all the rest
+            self.faults.append(f"{result.id} has no picture ({type(error).__name__}: {error}); please report it")
         if view is not None and worst:
             self._worst[result.operation] = (ratio, result.id, view)
         if view is not None and simple:

@@ -9,7 +9,7 @@ from pathlib import Path
 def main(arguments: list[str] | None = None) -> int:
     """Fuzz, replay or minimise; the exit code says whether there was no defect."""
     parser = argparse.ArgumentParser("python -m tests.hostile.fuzz", description="Fuzz everything that reads bytes.")
-    parser.add_argument("target", help="parser, reencode, pictures, differential, planes, videos or settings")
+    parser.add_argument("target", help="what is fuzzed, such as parser or import; another word lists all")
     parser.add_argument("--runs", type=int, default=10_000, help="executions (with --atheris: at most)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first execution of the seed")

@@ -19,7 +19,7 @@ from gsvc_ref.testing import (
     write_stream,
 )
 
-from . import other_mutations, other_targets, targets
+from . import command_mutations, command_targets, other_mutations, other_targets, targets
 from .recoding import plane_recoded
 from .stream_mutations import mutate_stream
 
@@ -105,6 +105,13 @@ TARGETS: Final[dict[str, Target]] = {
     "settings": Target(
         other_targets.settings, "settings", other_mutations.some_settings, other_mutations.mutate_settings
     ),
+    **{command: _of_streams(command_targets.of_stream(command)) for command in command_targets.STREAMS},
+    "listing": _of_streams(command_targets.listing),
+    "import": Target(
+        command_targets.splat_files, "splats", command_mutations.some_splat_files, command_mutations.mutate_splat_file
+    ),
+    "scene": Target(command_targets.scenes, "scenes", command_mutations.some_scenes, command_mutations.mutate_scene),
+    "log": Target(command_targets.logs, "logs", command_mutations.some_logs, command_mutations.mutate_log),
 }
 
 

@@ -2,6 +2,7 @@
 
 import io
 import pickle
+import struct
 import zipfile
 from fractions import Fraction
 
@@ -44,6 +45,17 @@ def test_what_savez_writes_is_read(tmp_path, arrays, counts):
         frames = list(splats)
     assert [len(frame) for frame in frames] == counts
     assert np.array_equal(np.concatenate(frames), np.concatenate([arrays["parameters"].reshape(-1, 8)]).astype("<f4"))
+
+
+@pytest.mark.parametrize("kind", ["u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", ">u2", ">i8"])
+def test_whole_numbers_of_every_type_are_read(tmp_path, kind):
+    whole = {name: np.array(value, kind) for name, value in {"counts": [3, 4], "ids": [*range(7)], "width": 9}.items()}
+    with NpzSplats(saved(tmp_path, parameters=SPLATS, **whole)) as splats:
+        assert splats.width == 9
+        assert [ids.tolist() for _, ids in splats] == [[0, 1, 2], [3, 4, 5, 6]]
+    most = np.iinfo(kind).max
+    with pytest.raises(GsvcError, match=r"add up|more than 4194304 splats"):
+        NpzSplats(saved(tmp_path, parameters=SPLATS, counts=np.array([most, 1], kind)))
 
 
 @pytest.mark.parametrize(
@@ -96,7 +108,7 @@ def with_header(path, header, data=b""):
     [
         ((1 << 50, 8), "limit", "more than 4194304 splats in a frame"),
         ((1 << 40, 1, 8), "limit", "more than 1048576 frames"),
-        ((1 << 20, 8), "malformed", "ends inside frame 0"),
+        ((1 << 20, 8), "malformed", "parameters takes 33554432 bytes by its header, and has 0; fetch"),
         ((-1, 8), "malformed", "C order|add up"),
     ],
 )
@@ -106,6 +118,29 @@ def test_a_claim_is_checked_before_anything_is_allocated(tmp_path, shape, kind, 
     with pytest.raises(GsvcError, match=message) as caught, NpzSplats(path) as splats:
         list(splats)
     assert caught.value.kind == kind
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_methods_that_inflate_without_a_limit_are_refused(tmp_path, method):
+    whole = io.BytesIO()
+    np.lib.format.write_array(whole, SPLATS)
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", method) as archive:
+        archive.writestr("parameters.npy", whole.getvalue())
+    with pytest.raises(GsvcError, match="compressed in another way"):
+        NpzSplats(tmp_path / "a.npz")
+
+
+def test_a_list_of_arrays_that_fills_the_memory_is_not_read(tmp_path):
+    """In a file of 8 GiB, nearly all of which is a hole."""
+    size = 1 << 33
+    end = b"PK\6\6" + struct.pack("<QHHLLQQQQ", 44, 45, 45, 0, 0, 1, 1, size, 0)
+    end += b"PK\6\7" + struct.pack("<LQL", 0, size, 1) + b"PK\5\6" + b"\xff" * 16 + bytes(2)
+    with (tmp_path / "a.npz").open("wb") as file:
+        file.truncate(size)
+        file.seek(size)
+        file.write(end)
+    with pytest.raises(GsvcError, match="the list of its arrays takes 8589934592 bytes; at most 1048576 are read"):
+        NpzSplats(tmp_path / "a.npz")
 
 
 def test_any_cut_and_any_byte_changed_is_read_or_refused(tmp_path):

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import gsvc_ref
 from gsvc_ref import spec
 from gsvc_ref.metrics import psnr
+from gsvc_ref.rendering import Renderer
 
 W, H = 48, 32
 
@@ -122,6 +123,25 @@ def test_equal_frames_are_repeated():
     assert types(report) == "IRRP"
     assert [frame.reason for frame in report.frames][1:3] == ["equal to the frame before"] * 2
     assert len(decoded(data)) == 4
+
+
+def test_equal_frames_are_not_rendered(monkeypatch):
+    """A file of 300 bytes may hold a million of them."""
+    rendered = []
+    draw = Renderer.frame
+    monkeypatch.setattr(Renderer, "frame", lambda *given: rendered.append(given) or draw(*given))
+    reports = [gsvc_ref.write(BytesIO(), [np.zeros((0, 8))] * count, 16, 16) for count in (1, 40)]
+    assert reports[1].frame_types == {"I": 1, "R": 39}
+    assert {frame.psnr for frame in reports[1].frames} == {reports[0].frames[0].psnr}
+    assert len(rendered) == 4  # of each first frame, what was given and what is decoded
+
+
+def test_the_number_of_frames_is_known_from_a_list():
+    told = []
+    gsvc_ref.write(
+        BytesIO(), [np.zeros((0, 8))] * 2, 16, 16, progress=lambda progress: told.append(progress.frame_count)
+    )
+    assert set(told) == {2}
 
 
 def test_rows_that_are_others_make_an_i_frame():

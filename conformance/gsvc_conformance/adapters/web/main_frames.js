@@ -14,7 +14,7 @@ globalThis.GSVC ??= {};
    * changes one: a frame makes another.
    */
   const newMainState = () =>
-    ({ splats: new Int32Array(0), past: new Uint8Array(0), models: main.newModels(), densities: null });
+    ({ splats: new Int32Array(0), past: new Uint8Array(0), models: main.FIRST_MODELS, densities: null });
 
   /** The halvings of a frame: two for each doubling of its cells. */
   const halvingCount = (width, height) =>
@@ -98,50 +98,52 @@ globalThis.GSVC ??= {};
   function readCells(run, count, width, height, alphas) {
     const inside = [Math.ceil(width / CELL), Math.ceil(height / CELL)];
     let size = 2 ** (alphas.length / 2);
-    let parts = [{ origin: [0, 0], n: count }];
+    let counts = Int32Array.of(count); // of the splats of each part, none of which is empty
+    let origins = [Int32Array.of(0), Int32Array.of(0)]; // the first column and the first row of each
     alphas.forEach((alpha, halving) => {
       const axis = halving % 2;
       if (axis === 0) size /= 2;
-      const tables = new Map(); // by n and the cells of the second half
-      const asked = [];
-      for (const part of parts) {
-        const q = Math.min(size, inside[axis] - part.origin[axis] - size);
-        if (q <= 0) continue;
-        const key = part.n * 2 ** 16 + q;
-        if (!tables.has(key)) tables.set(key, main.halves(part.n, size, q, alpha));
-        asked.push({ part, table: tables.get(key) });
+      const seconds = new Int32Array(counts.length);
+      for (let part = 0; part < seconds.length; part++) {
+        seconds[part] = Math.min(size, inside[axis] - origins[axis][part] - size);
       }
-      const upper = run.symbols(asked.map(({ table }) => table.C), asked.map((_, i) => i));
-      const lower = run.rawBits(Int32Array.from(asked, ({ table }) => table.lowBits));
-      const first = new Map(asked.map(({ part, table }, i) => [part, upper[i] * 2 ** table.lowBits + lower[i]]));
-      const halves = [];
-      for (const part of parts) {
-        const k = Math.min(first.get(part) ?? part.n, part.n);
-        const other = [...part.origin];
-        other[axis] += size;
-        if (k > 0) halves.push({ origin: part.origin, n: k });
-        if (k < part.n) halves.push({ origin: other, n: part.n - k });
+      const first = run.halves(counts, size, seconds, alpha);
+      const most = Math.min(2 * counts.length, count);
+      const halves = new Int32Array(most);
+      const places = [new Int32Array(most), new Int32Array(most)];
+      let many = 0;
+      for (let part = 0; part < counts.length; part++) {
+        for (let half = 0; half < 2; half++) {
+          const n = half === 0 ? first[part] : counts[part] - first[part];
+          if (n === 0) continue;
+          halves[many] = n;
+          places[axis][many] = origins[axis][part] + half * size;
+          places[1 - axis][many] = origins[1 - axis][part];
+          many += 1;
+        }
       }
-      parts = halves;
+      counts = halves.subarray(0, many);
+      origins = places.map((column) => column.subarray(0, many));
     });
-    const cells = [new Int32Array(count), new Int32Array(count)];
-    let at = 0;
-    for (const { origin, n } of parts) {
-      cells.forEach((column, axis) => column.fill(origin[axis], at, at + n));
-      at += n;
-    }
-    return cells;
+    return origins.map((column) => repeated(column, counts, count));
+  }
+
+  /** Values, each as often as `counts` says. */
+  function repeated(values, counts, length) {
+    const all = new Int32Array(length);
+    for (let i = 0, at = 0; i < counts.length; i++) for (let k = counts[i]; k > 0; k--) all[at++] = values[i];
+    return all;
   }
 
   /** The states of the splats of an I-frame, or of new ones (15.9). */
   function readIntra(run, count, D, width, height, densities) {
-    run.part = "cells";
+    run.begin("cells");
     const cells = readCells(run, count, width, height, densities.alphas);
-    run.part = "luma";
+    run.begin("luma");
     const { luma } = densities;
     const { q, magnitudes } = run.magnitudes([main.magnitudeDensity(luma, luma.centre)], new Int32Array(count));
     const colors = [run.signed(magnitudes)];
-    run.part = "chroma";
+    run.begin("chroma");
     for (const plane of ["chroma1", "chroma2"]) {
       const { centre, slope } = densities[plane];
       const tables = Array.from({ length: MAGNITUDE_CLASSES }, (_, of) =>
@@ -150,12 +152,11 @@ globalThis.GSVC ??= {};
     }
     const j = main.classesOfCodes(colors, D);
     const shapes = [["size", main.sizeStep], ["aspect", main.sizeStep], ["shear", main.shearStep]].map(([plane, h]) => {
-      run.part = plane;
+      run.begin(plane);
       return readWindowed(run, densities[plane], h, j);
     });
-    run.part = "place";
-    const places = [1, -1].map((sign) => run.rawBits(j.map((of, i) =>
-      2 - main.placeStep(main.codedSize(shapes[0][i], shapes[1][i], of, sign), of))));
+    run.begin("place");
+    const places = [1, -1].map((sign) => run.rawBits(main.placeBits(shapes, j, sign)));
     return main.intraStates({ cells, colors, shapes, places }, D);
   }
 
@@ -163,9 +164,12 @@ globalThis.GSVC ??= {};
   function readWindowed(run, density, h, j) {
     const windows = Array.from({ length: CLASS_MOST + 1 }, (_, of) =>
       main.windowDensity(density, 64 * density.centre + 16 * density.slope * of, h(of)));
-    const bins = run.symbols(windows.map(({ C }) => C), j);
-    const low = run.rawBits(j.map((of) => windows[of].lowBits));
-    return bins.map((bin, i) => (bin + windows[j[i]].first) * 2 ** windows[j[i]].lowBits + low[i]);
+    const codes = run.symbols(windows.map(({ C }) => C), j);
+    const sizes = new Uint8Array(j.length);
+    for (let i = 0; i < sizes.length; i++) sizes[i] = windows[j[i]].lowBits;
+    const low = run.rawBits(sizes);
+    for (let i = 0; i < codes.length; i++) codes[i] = ((codes[i] + windows[j[i]].first) << sizes[i]) + low[i];
+    return codes;
   }
 
   /** What a P-frame says of the splats of the frame before; the splats, past and models that they become. */
@@ -175,19 +179,18 @@ globalThis.GSVC ??= {};
     let motion = new Int32Array(2 * start.past.length);
     let field = null;
     if (side > 0) {
-      run.part = "motion";
+      run.begin("motion");
       field = readField(run, models, width, height, side);
       body.vectors = field.vectors;
       motion = main.fieldMotion(start.splats, field, side);
     }
-    run.part = "modes";
+    run.begin("modes");
     const contexts = main.modeContexts(start.splats, start.past, motion, field, side, width, height);
     body.modes = models.symbols(run, "mode", contexts);
     body.differences = readDifferences(run, models, body.modes);
-    const stay = (values, columns) => values.filter((_, i) => body.modes[Math.floor(i / columns)] !== REMOVED);
     return {
-      splats: main.addDifferences(stay(start.splats, 8), stay(motion, 2), stay(body.differences, 8), D),
-      past: Uint8Array.from(stay(body.modes, 1), (mode) => Math.min(mode, 1)),
+      splats: main.addDifferences(start.splats, motion, body.modes, body.differences, D),
+      past: main.pastOf(body.modes),
       models: models.adapted(),
     };
   }
@@ -212,33 +215,49 @@ globalThis.GSVC ??= {};
   function readDifferences(run, models, modes) {
     const q = new Int32Array(8 * modes.length);
     GROUPS.forEach(([group, first, end], bit) => {
-      run.part = group;
-      const changed = [];
-      modes.forEach((mode, n) => mode !== REMOVED && (mode >> bit) & 1 && changed.push(n));
+      run.begin(group);
+      const changed = splatsWith(modes, bit);
       const before = new Int32Array(changed.length); // the sums of the magnitudes of the components before
+      const contexts = new Int32Array(changed.length);
       const columns = [];
       for (let i = 0; i < end - first; i++) {
-        const contexts = before.map((sum) => (i === 0 ? 0 : 3 * (i - 1) + 1 + Math.min(sum, 2)));
+        if (i > 0) for (let k = 0; k < before.length; k++) contexts[k] = 3 * (i - 1) + 1 + Math.min(before[k], 2);
         const { magnitudes } = models.magnitudes(run, group, contexts);
         const isLast = i === end - first - 1; // it is not 0 where all before it are
-        columns.push(magnitudes.map((magnitude, n) => magnitude + (isLast && before[n] === 0 ? 1 : 0)));
-        columns[i].forEach((magnitude, n) => (before[n] += magnitude));
+        for (let k = 0; k < before.length; k++) {
+          if (isLast && before[k] === 0) magnitudes[k] += 1;
+          before[k] += magnitudes[k];
+        }
+        columns.push(magnitudes);
       }
-      columns.forEach((magnitudes, i) =>
-        run.signed(magnitudes).forEach((value, n) => (q[8 * changed[n] + first + i] = value)));
+      columns.forEach((magnitudes, i) => {
+        const values = run.signed(magnitudes);
+        for (let k = 0; k < values.length; k++) q[8 * changed[k] + first + i] = values[k];
+      });
     });
     return q;
+  }
+
+  /** The splats that have differences of a group, by the bit of their mode. */
+  function splatsWith(modes, bit) {
+    const found = new Int32Array(modes.length);
+    let many = 0;
+    for (let n = 0; n < modes.length; n++) if (modes[n] !== REMOVED && (modes[n] >> bit) & 1) found[many++] = n;
+    return found.subarray(0, many);
   }
 
   /**
    * What a frame, or a layer of one, says of its splats: type, newCount, and survivors (a number for each splat of the
    * frame before, 0 if it is removed) or null; `body` is null if it repeats the one before.
    */
-  const toldOf = (type, body) => ({
-    type,
-    newCount: body?.count ?? 0,
-    survivors: type === "P" ? body.modes.map((mode) => (mode === REMOVED ? 0 : 1)) : null,
-  });
+  const toldOf = (type, body) =>
+    ({ type, newCount: body?.count ?? 0, survivors: type === "P" ? survivorsOf(body.modes) : null });
+
+  function survivorsOf(modes) {
+    const survivors = new Uint8Array(modes.length);
+    for (let n = 0; n < modes.length; n++) survivors[n] = modes[n] === REMOVED ? 0 : 1;
+    return survivors;
+  }
 
   Object.assign(main, { newMainState, readBody, toldOf });
 }

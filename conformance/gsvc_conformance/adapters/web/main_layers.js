@@ -8,8 +8,9 @@ globalThis.GSVC ??= {};
   /**
    * The layers of a stream up to the quality that is wanted: frames get their splats behind those of the base.
    *
-   * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters`, what the frame
-   * `told` of them (main.toldOf), and their `first` splat in the frame before. Nothing changes such a Map.
+   * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters` and the `work` of
+   * these, what the frame `told` of them (main.toldOf), and their `first` splat in the frame before. Nothing changes such
+   * a Map. A chunk may have eight bytes: what it costs depends on the splats that it changes, not on all of the frame.
    */
   class Layers {
     constructor(quality) {
@@ -17,6 +18,8 @@ globalThis.GSVC ??= {};
       this.there = new Map(); // in the frame
       this.before = this.there; // in the frame before
       this.baseCount = 0; // splats of the base
+      this.baseWork = 0; // and their work
+      this.joined = { parts: [], all: null }; // the arrays of the parts of the frame before, and all in one
       this.last = 0; // the layer of the last chunk
       this.lost = []; // layers that damage has taken
       this.frame = null; // the frame that chunks belong to
@@ -24,7 +27,7 @@ globalThis.GSVC ??= {};
 
     /** A copy that goes on behind the frame. */
     copy() {
-      return Object.assign(new Layers(this.quality), this, { frame: null });
+      return Object.assign(new Layers(this.quality), this, { frame: null, joined: { parts: [], all: null } });
     }
 
     /**
@@ -50,10 +53,28 @@ globalThis.GSVC ??= {};
         for (const [layer, entry] of this.before) this.there.set(layer, { ...entry, told: toldOf("R", null) });
       }
       this.baseCount = frame.parameters.length / 8;
+      this.baseWork = frame.work;
       this.last = 0;
       if (frame.type === "I") this.lost = [];
       this.frame = Object.assign(frame, { base: frame.parameters, chunks: [] });
-      this.#show(this.there);
+    }
+
+    /** No more layers of the frame come: it gets the splats of the base, and behind them those of layers (R-15.13-3). */
+    finish() {
+      const layers = [...this.there.values()];
+      this.frame.parameters = this.#all([this.frame.base, ...layers.map(({ parameters }) => parameters)]);
+      this.frame.parts = [this.frame.parts[0], ...layers.map(({ told, first, parameters }) =>
+        ({ ...told, first, count: parameters.length / 8 }))];
+    }
+
+    /** Arrays in one, which is that of the frame before if they are. */
+    #all(parts) {
+      const { joined } = this;
+      if (parts.length === joined.parts.length && parts.every((part, i) => part === joined.parts[i])) return joined.all;
+      const all = new Float32Array(parts.reduce((length, part) => length + part.length, 0));
+      parts.reduce((at, part) => (all.set(part, at), at + part.length), 0);
+      this.joined = { parts, all };
+      return all;
     }
 
     /** The layers, with the places of their first splats among those of the frame. */
@@ -65,21 +86,6 @@ globalThis.GSVC ??= {};
         first += entry.parameters.length / 8;
       }
       return placed;
-    }
-
-    /** The splats of the base, and behind them those of layers (R-15.13-3). */
-    #shown(there) {
-      const parts = [this.frame.base, ...[...there.values()].map(({ parameters }) => parameters)];
-      const all = new Float32Array(parts.reduce((length, part) => length + part.length, 0));
-      parts.reduce((at, part) => (all.set(part, at), at + part.length), 0);
-      return all;
-    }
-
-    #show(there) {
-      this.frame.parameters = this.#shown(there);
-      const layers = [...there.values()].map(({ told, first, parameters }) =>
-        ({ ...told, first, count: parameters.length / 8 }));
-      this.frame.parts = [this.frame.parts[0], ...layers];
     }
 
     /** A chunk `n` of so many bytes; the state of the stream has header and limits. */
@@ -100,25 +106,28 @@ globalThis.GSVC ??= {};
       }
       const stated = header.flags & 1 ? p.le(4) : null;
       const checksumBit = p.element;
-      const others = new Map([...this.there].filter(([number]) => number !== layer));
-      const mostSplats = limits.splats - this.#shown(others).length / 8;
+      const others = [...this.there].filter(([number]) => number !== layer);
+      const otherSplats = others.reduce((sum, [, { parameters }]) => sum + parameters.length / 8, this.baseCount);
+      const mostSplats = limits.splats - otherSplats;
       const body = type === "R" ? null : main.readBody(p, type, known?.state, header, mostSplats);
       p.checkFilled();
-      const parameters = body ? main.stateParameters(body.after.splats) : known.parameters;
-      const entry = {
-        state: body ? body.after : known.state, parameters, told: toldOf(type, body), first: known?.first ?? 0,
-      };
-      const there = new Map([...others, [layer, entry]].sort(([one], [other]) => one - other));
-      if (renderingWork(this.#shown(there), header.width, header.height) > limits.work) {
-        throw new Fault("R-5-4", chunkBit);
-      }
-      if (stated !== null && stated !== parameterChecksum(parameters)) throw new Fault("R-6.4-3", checksumBit);
-      this.there = there;
+      const entry = body ? decoded(body.after, header) : { ...known };
+      Object.assign(entry, { told: toldOf(type, body), first: known?.first ?? 0 });
+      const there = [...others, [layer, entry]].sort(([one], [other]) => one - other);
+      const work = there.reduce((sum, [, layerThere]) => sum + layerThere.work, this.baseWork);
+      if (work > limits.work) throw new Fault("R-5-4", chunkBit);
+      if (stated !== null && stated !== parameterChecksum(entry.parameters)) throw new Fault("R-6.4-3", checksumBit);
+      this.there = new Map(there);
       this.last = layer;
       this.lost = this.lost.filter((other) => other !== layer);
-      this.#show(there);
       this.frame.chunks.push({ layer, type, byteOffset: chunkBit / 8, byteLength, body });
     }
+  }
+
+  /** What is kept of a layer with such a state. */
+  function decoded(state, { width, height }) {
+    const parameters = main.stateParameters(state.splats);
+    return { state, parameters, work: renderingWork(parameters, width, height) };
   }
 
   Object.assign(main, { Layers });

@@ -13,9 +13,13 @@ globalThis.GSVC ??= {};
   /** How many low bits a class of magnitudes has. */
   const lowBitsOf = (q) => (q < 4 ? 0 : (q >> 1) - 1);
 
-  /** The run of the entropy coder of a frame: all that is left of its payload. */
+  /**
+   * The run of the entropy coder of a frame: all that is left of its payload.
+   *
+   * Loops over all splats have typed arrays and nothing that is made anew for each: a frame has up to 2^22 of them.
+   */
   class Run {
-    /** @param {Object} bits code lengths by part of the frame, of which `part` is the one that is read */
+    /** @param {Object} bits gets the code lengths by part of the frame */
     constructor(p, laneExponent, bits) {
       this.bits = bits;
       this.part = "";
@@ -28,88 +32,154 @@ globalThis.GSVC ??= {};
       }
       this.wordBit = p.position();
       const bytes = p.raw(2 * Math.floor(p.bitsLeft() / 16));
-      this.words = Uint16Array.from({ length: bytes.length / 2 }, (_, i) => bytes[2 * i] + 256 * bytes[2 * i + 1]);
+      this.words = new Uint16Array(bytes.length / 2);
+      for (let i = 0; i < this.words.length; i++) this.words[i] = bytes[2 * i] + 256 * bytes[2 * i + 1];
       this.taken = 0;
+      this.symbol = 0; // of the pass, the one that comes next
+      this.length = 0; // of the codes of the part so far, in parts of a bit
     }
 
-    /** (7-1) of a symbol that begins at the slot `lowest` and has a frequency. */
-    #advance(lane, slot, lowest, frequency) {
-      let x = frequency * (this.states[lane] >>> PRECISION) + slot - lowest; // below 2^32
+    /** What is read from now on belongs to this part of the frame. */
+    begin(part) {
+      if (this.length > 0) this.bits[this.part] = (this.bits[this.part] ?? 0) + this.length / LENGTH_UNIT;
+      this.part = part;
+      this.length = 0;
+    }
+
+    /** The slot of the next symbol of a pass: symbol i belongs to lane i modulo their number. */
+    #slot() {
+      return this.states[this.symbol & (this.states.length - 1)] & (TOTAL - 1);
+    }
+
+    /** (7-1) of that symbol, which begins at the slot `lowest` and has a frequency. */
+    #advance(slot, lowest, frequency) {
+      const { states, words } = this;
+      const lane = this.symbol++ & (states.length - 1);
+      let x = (Math.imul(frequency, states[lane] >>> PRECISION) + slot - lowest) >>> 0; // below 2^32
       if (x < LOWEST_STATE) {
-        if (this.taken === this.words.length) throw new Fault("R-7-1", this.wordBit);
-        x = x * 2 ** 16 + this.words[this.taken];
-        this.taken += 1;
+        if (this.taken === words.length) throw new Fault("R-7-1", this.wordBit);
+        x = ((x << 16) | words[this.taken++]) >>> 0;
       }
-      this.states[lane] = x;
+      states[lane] = x;
+    }
+
+    /** The next symbol of a pass, whose cumulative frequencies are C. */
+    #next(C) {
+      const slot = this.#slot();
+      let s = 0; // C[s] <= slot < C[end]
+      for (let end = C.length - 1; end - s > 1; ) {
+        const middle = (s + end) >> 1;
+        if (C[middle] <= slot) s = middle;
+        else end = middle;
+      }
+      const frequency = C[s + 1] - C[s];
+      this.#advance(slot, C[s], frequency);
+      this.length += LENGTHS[frequency];
+      return s;
     }
 
     /** A pass: symbol i has the cumulative frequencies tables[which[i]]. */
     symbols(tables, which) {
       const found = new Int32Array(which.length);
-      const lastLane = this.states.length - 1;
-      let length = 0;
-      for (let i = 0; i < which.length; i++) {
-        const C = tables[which[i]];
-        const lane = i & lastLane;
-        const slot = this.states[lane] & (TOTAL - 1);
-        let s = 0; // C[s] <= slot < C[end]
-        for (let end = C.length - 1; end - s > 1; ) {
-          const middle = (s + end) >> 1;
-          if (C[middle] <= slot) s = middle;
-          else end = middle;
+      this.symbol = 0;
+      for (let i = 0; i < found.length; i++) found[i] = this.#next(tables[which[i]]);
+      return found;
+    }
+
+    /**
+     * Two passes: of each part with so many splats, how many are in its first half.
+     *
+     * A half has `size` cells; `seconds` has how many of the second one are in the frame. Where there is none, all splats
+     * are in the first half.
+     */
+    halves(counts, size, seconds, alpha) {
+      const first = counts.slice();
+      const lowBits = new Uint8Array(counts.length);
+      const tables = []; // of (15-8), by the number of splats
+      this.symbol = 0;
+      for (let i = 0; i < counts.length; i++) {
+        if (seconds[i] <= 0) continue;
+        if (main.isBetaBinomial(counts[i], size, seconds[i])) {
+          first[i] = this.#next((tables[counts[i]] ??= main.betaBinomial(counts[i], alpha)));
+        } else {
+          const half = main.halfDensity(counts[i], size, seconds[i], alpha);
+          lowBits[i] = half.lowBits;
+          first[i] = this.#half(half) << half.lowBits;
         }
-        this.#advance(lane, slot, C[s], C[s + 1] - C[s]);
-        length += LENGTHS[C[s + 1] - C[s]];
-        found[i] = s;
       }
-      this.#count(length / LENGTH_UNIT);
-      return found;
+      const low = this.rawBits(lowBits);
+      for (let i = 0; i < counts.length; i++) first[i] = Math.min(first[i] + low[i], counts[i]);
+      return first;
     }
 
-    /** Values of so many raw bits each: two passes where one of them has more than 14. */
+    /** The next symbol of a pass, of a density (15-9): of its up to 513 cumulative frequencies some ten are looked at. */
+    #half(half) {
+      const slot = this.#slot();
+      let s = 0; // C[s] = lowest <= slot < C[end] = next
+      let lowest = 0;
+      let next = TOTAL;
+      for (let end = half.m + 1; end - s > 1; ) {
+        const middle = (s + end) >> 1;
+        const C = main.cumulativeOfHalf(middle, half);
+        if (C <= slot) {
+          s = middle;
+          lowest = C;
+        } else {
+          end = middle;
+          next = C;
+        }
+      }
+      this.#advance(slot, lowest, next - lowest);
+      this.length += LENGTHS[next - lowest];
+      return s;
+    }
+
+    /** Values of so many raw bits each, at most 28: two passes where one of them has more than 14. */
     rawBits(sizes) {
-      if (!sizes.some((size) => size > PRECISION)) return this.#uniform(sizes);
-      const upper = this.#uniform(sizes.map((size) => Math.max(size - PRECISION, 0)));
-      const lower = this.#uniform(sizes.map((size) => Math.min(size, PRECISION)));
-      return lower.map((value, i) => upper[i] * 2 ** Math.min(sizes[i], PRECISION) + value);
-    }
-
-    #uniform(sizes) {
       const found = new Int32Array(sizes.length);
-      const lastLane = this.states.length - 1;
-      let length = 0;
-      for (let i = 0, symbol = 0; i < sizes.length; i++) {
-        if (sizes[i] === 0) continue; // it is no symbol
-        const lane = symbol++ & lastLane;
-        const frequency = TOTAL >> sizes[i];
-        const slot = this.states[lane] & (TOTAL - 1);
-        found[i] = slot >> (PRECISION - sizes[i]);
-        this.#advance(lane, slot, found[i] * frequency, frequency);
-        length += sizes[i];
-      }
-      this.#count(length);
+      let most = 0;
+      for (let i = 0; i < sizes.length; i++) most = Math.max(most, sizes[i]);
+      if (most > PRECISION) this.#uniform(sizes, PRECISION, found);
+      if (most > 0) this.#uniform(sizes, 0, found);
       return found;
     }
 
-    /** Magnitudes: a pass of their classes q, as in `symbols`, and one of low bits. */
+    /** A pass of the bits above the lowest `left` ones, at most 14 of each; without any, a value is no symbol. */
+    #uniform(sizes, left, found) {
+      this.symbol = 0;
+      for (let i = 0; i < sizes.length; i++) {
+        const size = Math.min(sizes[i] - left, PRECISION);
+        if (size <= 0) continue;
+        const slot = this.#slot();
+        const value = slot >> (PRECISION - size);
+        this.#advance(slot, value << (PRECISION - size), TOTAL >> size);
+        found[i] = (found[i] << size) | value;
+        this.length += size * LENGTH_UNIT;
+      }
+    }
+
+    /** Magnitudes: a pass of their classes q, as in `symbols`, and those of low bits. */
     magnitudes(tables, which) {
       const q = this.symbols(tables, which);
-      const low = this.rawBits(q.map(lowBitsOf));
-      return { q, magnitudes: q.map((of, i) => (of < 4 ? of : ((2 + (of & 1)) << lowBitsOf(of)) + low[i])) };
+      const sizes = new Uint8Array(q.length);
+      for (let i = 0; i < q.length; i++) sizes[i] = lowBitsOf(q[i]);
+      const magnitudes = this.rawBits(sizes);
+      for (let i = 0; i < q.length; i++) magnitudes[i] += q[i] < 4 ? q[i] : (2 + (q[i] & 1)) << sizes[i];
+      return { q, magnitudes };
     }
 
     /** A pass of the signs of magnitudes that are not 0: the signed values. */
     signed(magnitudes) {
-      const negative = this.rawBits(magnitudes.map((magnitude) => Math.min(magnitude, 1)));
-      return magnitudes.map((magnitude, i) => (negative[i] ? -magnitude : magnitude));
-    }
-
-    #count(length) {
-      this.bits[this.part] = (this.bits[this.part] ?? 0) + length;
+      const sizes = new Uint8Array(magnitudes.length);
+      for (let i = 0; i < sizes.length; i++) sizes[i] = magnitudes[i] === 0 ? 0 : 1;
+      const values = this.rawBits(sizes);
+      for (let i = 0; i < values.length; i++) values[i] = values[i] === 1 ? -magnitudes[i] : magnitudes[i];
+      return values;
     }
 
     /** R-15.6-2: words left over come before wrong final states. */
     finish() {
+      this.begin("");
       if (this.taken < this.words.length) throw new Fault("R-7-1", this.wordBit + 16 * this.taken);
       const wrong = this.states.findIndex((x) => x !== LOWEST_STATE);
       if (wrong >= 0) throw new Fault("R-7-1", this.stateBit + 32 * wrong);
@@ -169,7 +239,7 @@ globalThis.GSVC ??= {};
   }
 
   /** The models at the start (R-15.11-1): by name, the counts of each context. Nothing changes one. */
-  const newModels = () => Object.fromEntries(Object.entries(MODELS).map(([name, model]) => [name, countsOf(model)]));
+  const FIRST_MODELS = Object.fromEntries(Object.entries(MODELS).map(([name, model]) => [name, countsOf(model)]));
 
   /** C of a context with such counts (15-14). */
   function frequenciesOf(counts) {
@@ -205,7 +275,8 @@ globalThis.GSVC ??= {};
     }
 
     #note(name, contexts, symbols) {
-      symbols.forEach((symbol, i) => (this.seen[name][contexts[i]][symbol] += 1));
+      const seen = this.seen[name];
+      for (let i = 0; i < symbols.length; i++) seen[contexts[i]][symbols[i]] += 1;
     }
 
     symbols(run, name, contexts) {
@@ -230,5 +301,5 @@ globalThis.GSVC ??= {};
     }
   }
 
-  Object.assign(main, { Run, encodeRun, newModels, frequenciesOf, adapted, FrameModels });
+  Object.assign(main, { Run, encodeRun, FIRST_MODELS, frequenciesOf, adapted, FrameModels });
 }

@@ -5,7 +5,7 @@
 globalThis.GSVC ??= {};
 {
   const { main } = GSVC;
-  const { EXP2, exp2, stepOf, classOf } = main;
+  const { powerOfTwo, exp2, stepOf, classOf } = main;
   const fl = Math.fround;
   const SIDES = [0, 64, 32, 16]; // of the cells of a field, by `motion_cell`
   const CELL = 4; // pixels, of an I-frame
@@ -15,6 +15,8 @@ globalThis.GSVC ??= {};
   // MAIN_K1, MAIN_K2 and MAIN_K3 of section 15.4 by their bits.
   const [K1, K2, K3] = new Float32Array(Uint32Array.of(0x38a76e2b, 0x38cd0f39, 0x386cc843).buffer);
 
+  // Functions of all splats have loops and no array or object of a single splat: a frame has up to 2^22 of them.
+
   const clip = (value, low, high) => Math.min(Math.max(value, low), high);
   const clipSize = (value) => clip(value, A_LEAST, A_MOST);
   const sizeStep = (j) => 1477 >> j; // h of (15-10)
@@ -23,12 +25,10 @@ globalThis.GSVC ??= {};
   /** The classes of splats. */
   function classesOf(state, quantizer) {
     const D = stepOf(quantizer);
-    return Int32Array.from({ length: state.length / 8 }, (_, i) =>
-      classOf(state[8 * i + 5], state[8 * i + 6], state[8 * i + 7], D));
+    const j = new Int32Array(state.length / 8);
+    for (let i = 0, at = 0; i < j.length; i++, at += 8) j[i] = classOf(state[at + 5], state[at + 6], state[at + 7], D);
+    return j;
   }
-
-  /** 2^(v / 1024), which is exact in binary32. */
-  const powerOfTwo = (v) => EXP2[v & 1023] * 2 ** ((v >> 10) - 15);
 
   /** The parameters of states (15-5). */
   function stateParameters(state) {
@@ -55,35 +55,50 @@ globalThis.GSVC ??= {};
   const codedColor = (k, D) => clip(k, -Math.floor(N_MOST / D), Math.floor(N_MOST / D)) * D;
 
   /** The classes of splats with colour codes, of which there are three columns. */
-  function classesOfCodes(colors, D) {
-    return colors[0].map((_, i) => classOf(...colors.map((column) => codedColor(column[i], D)), D));
+  function classesOfCodes([k0, k1, k2], D) {
+    const j = new Int32Array(k0.length);
+    for (let i = 0; i < j.length; i++) {
+      j[i] = classOf(codedColor(k0[i], D), codedColor(k1[i], D), codedColor(k2[i], D), D);
+    }
+    return j;
   }
 
   /** A (sign 1) or B (sign -1) of the codes of size and aspect (15-10). */
   const codedSize = (size, aspect, j, sign) => clipSize((size + sign * aspect) * sizeStep(j));
 
+  /** X or Y of a place in a cell (15-15): the middle of 2^g pixels. */
+  const codedPlace = (cell, place, g) => clip(256 * CELL * cell + place * (1 << (g + 8)) + (1 << (g + 7)), -X_MOST, X_MOST);
+
   /** g: a place in a cell is told in steps of 2^g pixels, for x of A and for y of B. */
   const placeStep = (logSize, j) => clip((logSize >> 10) + 1 - j, -4, 2);
+
+  /** How many bits the place in the cell of each splat has, along x (sign 1) or y (sign -1). */
+  function placeBits([sizes, aspects], j, sign) {
+    const bits = new Uint8Array(j.length);
+    for (let i = 0; i < bits.length; i++) bits[i] = 2 - placeStep(codedSize(sizes[i], aspects[i], j[i], sign), j[i]);
+    return bits;
+  }
 
   /**
    * The states of new splats.
    *
    * `codes` has columns: cells (column, row), colors (k0, k1, k2), shapes (size, aspect, shear) and places (x, y).
    */
-  function intraStates({ cells, colors, shapes, places }, D) {
+  function intraStates({ cells: [columns, rows], colors, shapes: [sizes, aspects, shears], places: [xs, ys] }, D) {
     const j = classesOfCodes(colors, D);
+    const [k0, k1, k2] = colors;
     const state = new Int32Array(8 * j.length);
     for (let i = 0, at = 0; i < j.length; i++, at += 8) {
-      const [size, aspect, shear] = shapes.map((column) => column[i]);
-      for (const [axis, sign] of [[0, 1], [1, -1]]) {
-        const logSize = codedSize(size, aspect, j[i], sign);
-        const g = placeStep(logSize, j[i]);
-        const place = 256 * CELL * cells[axis][i] + places[axis][i] * 2 ** (g + 8) + 2 ** (g + 7);
-        state[at + axis] = clip(place, -X_MOST, X_MOST);
-        state[at + 2 + axis] = logSize;
-      }
-      state[at + 4] = clip(shear * shearStep(j[i]), -S_MOST, S_MOST);
-      for (let c = 0; c < 3; c++) state[at + 5 + c] = codedColor(colors[c][i], D); // within its range: k was clipped
+      const A = codedSize(sizes[i], aspects[i], j[i], 1);
+      const B = codedSize(sizes[i], aspects[i], j[i], -1);
+      state[at] = codedPlace(columns[i], xs[i], placeStep(A, j[i]));
+      state[at + 1] = codedPlace(rows[i], ys[i], placeStep(B, j[i]));
+      state[at + 2] = A;
+      state[at + 3] = B;
+      state[at + 4] = clip(shears[i] * shearStep(j[i]), -S_MOST, S_MOST);
+      state[at + 5] = codedColor(k0[i], D); // within its range: k was clipped
+      state[at + 6] = codedColor(k1[i], D);
+      state[at + 7] = codedColor(k2[i], D);
     }
     return state;
   }
@@ -91,25 +106,27 @@ globalThis.GSVC ??= {};
   /** Columns and rows of the field of a frame. */
   const fieldSize = (width, height, side) => [Math.ceil(width / side), Math.ceil(height / side)];
 
-  /** Along an axis: the cell before a position, the one behind it, and the 64ths of the way between their centres. */
-  function between(position, side, cells) {
-    const b = 31 - Math.clz32(256 * side);
-    const u = clip(position - 128 * side, 0, (cells - 1) * 2 ** b);
-    const i = Math.min(u >> b, Math.max(cells - 2, 0));
-    return [i, Math.min(i + 1, cells - 1), (u - i * 2 ** b) >> (b - 6)];
-  }
+  /** b: a cell of a field is 2^b wide, in 1/256 pixel. */
+  const bitsOfCell = (side) => 31 - Math.clz32(256 * side);
 
   /** (15-12): the motion of each splat, x and y in 1/256 pixel; a field has columns, rows and vectors. */
   function fieldMotion(state, { columns, rows, vectors }, side) {
+    const b = bitsOfCell(side);
+    const [lastI, lastJ] = [Math.max(columns - 2, 0), Math.max(rows - 2, 0)]; // of cells that have another one behind them
+    const [right, below] = [columns > 1 ? 2 : 0, rows > 1 ? 2 * columns : 0]; // how far away that one stands
     const motion = new Int32Array(state.length / 4);
-    for (let at = 0, to = 0; at < state.length; at += 8) {
-      const [i, i1, f] = between(state[at], side, columns);
-      const [j, j1, h] = between(state[at + 1], side, rows);
+    for (let at = 0, to = 0; at < state.length; at += 8, to += 2) {
+      const u = clip(state[at] - 128 * side, 0, (columns - 1) << b); // from the centre of the first cell
+      const v = clip(state[at + 1] - 128 * side, 0, (rows - 1) << b);
+      const i = Math.min(u >> b, lastI);
+      const j = Math.min(v >> b, lastJ);
+      const f = (u - (i << b)) >> (b - 6); // 64ths of the way between the centres of two cells
+      const h = (v - (j << b)) >> (b - 6);
       for (let axis = 0; axis < 2; axis++) {
-        const of = (row, column) => vectors[2 * (columns * row + column) + axis];
-        const upper = (64 - f) * of(j, i) + f * of(j, i1);
-        const lower = (64 - f) * of(j1, i) + f * of(j1, i1);
-        motion[to++] = ((64 - h) * upper + h * lower + 32) >> 6;
+        const cell = 2 * (columns * j + i) + axis;
+        const upper = (64 - f) * vectors[cell] + f * vectors[cell + right];
+        const lower = (64 - f) * vectors[cell + below] + f * vectors[cell + below + right];
+        motion[to + axis] = ((64 - h) * upper + h * lower + 32) >> 6;
       }
     }
     return motion;
@@ -134,46 +151,80 @@ globalThis.GSVC ??= {};
   /** The contexts of modes; `past` and `motion` are those of the splats of the frame before, side 0 means no field. */
   function modeContexts(state, past, motion, field, side, width, height) {
     const unrest = side > 0 ? fieldUnrest(field) : null;
-    const cellOf = (position, cells) => clip(Math.floor(position / (256 * side)), 0, cells - 1);
-    return Int32Array.from(past, (p, i) => {
-      const [x, y] = [state[8 * i], state[8 * i + 1]];
-      const [X, Y] = [x + motion[2 * i], y + motion[2 * i + 1]];
-      if (X < 0 || X >= 256 * width || Y < 0 || Y >= 256 * height) return 9;
-      if (unrest === null) return 3 * p;
-      const differs = unrest[field.columns * cellOf(y, field.rows) + cellOf(x, field.columns)];
-      return 3 * p + (differs < 3 ? 0 : differs < 8 ? 1 : 2);
-    });
+    const b = side > 0 ? bitsOfCell(side) : 0;
+    const contexts = new Int32Array(past.length);
+    for (let i = 0; i < contexts.length; i++) {
+      const x = state[8 * i];
+      const y = state[8 * i + 1];
+      const X = x + motion[2 * i];
+      const Y = y + motion[2 * i + 1];
+      if (X < 0 || X >= 256 * width || Y < 0 || Y >= 256 * height) {
+        contexts[i] = 9;
+        continue;
+      }
+      contexts[i] = 3 * past[i];
+      if (unrest === null) continue;
+      const differs = unrest[field.columns * clip(y >> b, 0, field.rows - 1) + clip(x >> b, 0, field.columns - 1)];
+      if (differs >= 3) contexts[i] += differs < 8 ? 1 : 2;
+    }
+    return contexts;
   }
 
   /** The first term of S in (15-13). */
   function sheared(S, v) {
-    const magnitude = Math.floor(Math.abs(S) * EXP2[v & 1023] * 2 ** ((v >> 10) - 15));
-    return Math.sign(S) * Math.min(magnitude, S_MOST);
+    const magnitude = Math.min(Math.floor(Math.abs(S) * powerOfTwo(v)), S_MOST);
+    return S < 0 ? -magnitude : magnitude;
   }
 
-  /** (15-13), clipped: the states of splats that stay, from their differences q, 8 of each. */
-  function addDifferences(state, motion, q, D) {
-    const after = new Int32Array(state.length);
-    for (let at = 0; at < state.length; at += 8) {
-      const [X, Y, A, B, S, n0, n1, n2] = state.subarray(at, at + 8);
-      const j = classOf(n0, n1, n2, D);
-      const gx = clip(exp2(A + 512 - 1024 * j, 8), 1, STEP_MOST);
-      const gy = clip(exp2(B + 512 - 1024 * j, 8), 1, STEP_MOST);
-      const gs = Math.sign(S) * Math.min(Math.floor((Math.abs(S) * gy) / 1024), STEP_MOST);
-      const newA = clipSize(A + (q[at + 2] + q[at + 3]) * sizeStep(j));
-      const newB = clipSize(B + (q[at + 2] - q[at + 3]) * sizeStep(j));
-      after[at] = clip(X + motion[at / 4] + q[at] * gx, -X_MOST, X_MOST);
-      after[at + 1] = clip(Y + motion[at / 4 + 1] + q[at] * gs + q[at + 1] * gy, -X_MOST, X_MOST);
-      after[at + 2] = newA;
-      after[at + 3] = newB;
-      after[at + 4] = clip(sheared(S, newA - A - (newB - B)) + q[at + 4] * shearStep(j), -S_MOST, S_MOST);
-      for (let c = 5; c < 8; c++) after[at + c] = clip(state[at + c] + q[at + c] * D, -N_MOST, N_MOST);
+  /** How many splats stay, by the modes of all. */
+  function stayingOf(modes) {
+    let staying = 0;
+    for (let n = 0; n < modes.length; n++) if (modes[n] !== REMOVED) staying += 1;
+    return staying;
+  }
+
+  /** (15-13), clipped: the states of the splats that stay. Of mode 0 they only move: their differences q are all 0. */
+  function addDifferences(state, motion, modes, q, D) {
+    const after = new Int32Array(8 * stayingOf(modes));
+    for (let n = 0, at = 0, to = 0; n < modes.length; n++, at += 8) {
+      if (modes[n] === REMOVED) continue;
+      const movedX = state[at] + motion[2 * n];
+      const movedY = state[at + 1] + motion[2 * n + 1];
+      if (modes[n] === 0) {
+        after[to] = clip(movedX, -X_MOST, X_MOST);
+        after[to + 1] = clip(movedY, -X_MOST, X_MOST);
+        for (let c = 2; c < 8; c++) after[to + c] = state[at + c];
+      } else {
+        const A = state[at + 2];
+        const B = state[at + 3];
+        const S = state[at + 4];
+        const j = classOf(state[at + 5], state[at + 6], state[at + 7], D);
+        const gx = clip(exp2(A + 512 - 1024 * j, 256), 1, STEP_MOST);
+        const gy = clip(exp2(B + 512 - 1024 * j, 256), 1, STEP_MOST);
+        const gs = Math.min(Math.floor((Math.abs(S) * gy) / 1024), STEP_MOST);
+        const newA = clipSize(A + (q[at + 2] + q[at + 3]) * sizeStep(j));
+        const newB = clipSize(B + (q[at + 2] - q[at + 3]) * sizeStep(j));
+        after[to] = clip(movedX + q[at] * gx, -X_MOST, X_MOST);
+        after[to + 1] = clip(movedY + q[at] * (S < 0 ? -gs : gs) + q[at + 1] * gy, -X_MOST, X_MOST);
+        after[to + 2] = newA;
+        after[to + 3] = newB;
+        after[to + 4] = clip(sheared(S, newA - A - (newB - B)) + q[at + 4] * shearStep(j), -S_MOST, S_MOST);
+        for (let c = 5; c < 8; c++) after[to + c] = clip(state[at + c] + q[at + c] * D, -N_MOST, N_MOST);
+      }
+      to += 8;
     }
     return after;
   }
 
+  /** What the next frame knows of the splats that stay: whether they were changed. */
+  function pastOf(modes) {
+    const past = new Uint8Array(stayingOf(modes));
+    for (let n = 0, to = 0; n < modes.length; n++) if (modes[n] !== REMOVED) past[to++] = Math.min(modes[n], 1);
+    return past;
+  }
+
   Object.assign(main, {
-    SIDES, CELL, REMOVED, sizeStep, shearStep, classesOf, stateParameters, classesOfCodes, codedSize, placeStep,
-    intraStates, fieldSize, fieldMotion, modeContexts, addDifferences,
+    SIDES, CELL, REMOVED, sizeStep, shearStep, classesOf, stateParameters, classesOfCodes, placeBits,
+    intraStates, fieldSize, fieldMotion, modeContexts, addDifferences, pastOf,
   });
 }

@@ -12,14 +12,19 @@ globalThis.GSVC ??= {};
   // The number nearest to a half is 0.002 away from it: a power that is a little off is rounded to the same integer.
   const EXP2 = Uint16Array.from({ length: 1024 }, (_, i) => Math.round(2 ** (15 + i / 1024)));
 
-  /** (15-2): 2^(v / 1024) with k bits behind the binary point. */
-  const exp2 = (v, k) => Math.floor(EXP2[v & 1023] * 2 ** ((v >> 10) - 15 + k));
+  const POWERS = Float64Array.from({ length: 128 }, (_, i) => 2 ** (i - 64)); // looked up: 2 ** k is a call of a function
+
+  /** 2^(v / 1024), which is exact in binary32. */
+  const powerOfTwo = (v) => EXP2[v & 1023] * POWERS[(v >> 10) - 15 + 64];
+
+  /** (15-2): 2^(v / 1024) in parts of 1 / unit, a power of two. */
+  const exp2 = (v, unit) => Math.floor(powerOfTwo(v) * unit);
 
   /** A distribution function in 2^-16 at 257 places, from those at 1 to 128 (15-3). */
   function distribution(lower) {
     const values = new Int32Array(257);
     for (let i = 1; i <= 128; i++) {
-      const value = lower(exp2(96 * (128 - i), 15));
+      const value = lower(exp2(96 * (128 - i), 2 ** 15));
       values[i] = value;
       values[256 - i] = 2 ** 16 - value;
     }
@@ -46,23 +51,24 @@ globalThis.GSVC ??= {};
   }
 
   /**
-   * C of (15-6), of bins with doubled inner edges.
+   * C[i] of (15-6), of bins with doubled inner edges, for i = 1 .. bins - 1.
    *
-   * @param {number} bins
-   * @param {function(number): number} edgeOf the doubled edge before bin i, for i = 1 .. bins - 1
+   * @param {number} edge the doubled edge before bin i
    * @param {Int32Array} T one of FAMILIES
    */
-  function density(bins, edgeOf, centre, T, scaleCode, unitBits) {
-    const divisor = 2 ** (15 + Math.ceil(scaleCode / 4) - 11 + unitBits);
+  function cumulativeAt(i, bins, edge, centre, T, scaleCode, unitBits) {
     const mantissa = EXP2[(-256 * scaleCode) & 1023];
+    const scaled = (edge - 2 * centre) * mantissa * POWERS[64 - (15 + ((scaleCode + 3) >> 2) - 11 + unitBits)];
+    const u = Math.min(Math.max(2 ** 15 + Math.floor(scaled), 0), 2 ** 16 - 1);
+    const place = u >> 8;
+    const v = T[place] + (((T[place + 1] - T[place]) * (u & 255)) >> 8);
+    return i + (((TOTAL - bins) * v) >> 16);
+  }
+
+  /** All of C of (15-6); `edgeOf` gives the doubled edge before bin i, for i = 1 .. bins - 1. */
+  function density(bins, edgeOf, centre, T, scaleCode, unitBits) {
     const C = new Int32Array(bins + 1);
-    for (let i = 1; i < bins; i++) {
-      const u = 2 ** 15 + Math.floor(((edgeOf(i) - 2 * centre) * mantissa) / divisor);
-      const clipped = Math.min(Math.max(u, 0), 2 ** 16 - 1);
-      const place = clipped >> 8;
-      const v = T[place] + (((T[place + 1] - T[place]) * (clipped & 255)) >> 8);
-      C[i] = i + (((TOTAL - bins) * v) >> 16);
-    }
+    for (let i = 1; i < bins; i++) C[i] = cumulativeAt(i, bins, edgeOf(i), centre, T, scaleCode, unitBits);
     C[bins] = TOTAL;
     return C;
   }
@@ -73,7 +79,7 @@ globalThis.GSVC ??= {};
 
   /** The window of (15-7) around a centre, in steps of h: C of its bins, how many low bits are raw, the first bin. */
   function windowDensity({ T, scaleCode }, centre, h) {
-    const scale = exp2(256 * scaleCode, 4);
+    const scale = exp2(256 * scaleCode, 2 ** 4);
     let r = 0;
     while (16 * scale > MOST_BINS * h * 2 ** r) r += 1;
     const width = h * 2 ** r;
@@ -83,17 +89,32 @@ globalThis.GSVC ??= {};
     return { C: density(last - first + 1, edgeOf, centre, T, scaleCode, 4), lowBits: r, first };
   }
 
-  /** C of how many of n splats are in the first half of a part (15-8), (15-9), and how many low bits are raw. */
-  function halves(n, p, q, alpha) {
-    if (p === q && n <= 15) return { C: betaBinomial(n, alpha), lowBits: 0 };
-    const r = Math.max(0, bitLength(n) - 9);
-    const m = Math.floor(n / 2 ** r);
+  /** Whether (15-8) says how many of n splats are in the first half of a part, of p and q cells; else (15-9) does. */
+  const isBetaBinomial = (n, p, q) => p === q && n <= 15;
+
+  /** (15-9): what says how many of n splats are in the first half of a part; `lowBits` of the number are raw. */
+  function halfDensity(n, p, q, alpha) {
+    const lowBits = Math.max(0, bitLength(n) - 9);
+    const m = n >> lowBits;
     const b = Math.floor((256 * p) / (p + q));
     const v = Math.floor((m * b * (256 - b) * (2 * alpha + m) * 1245) / ((2 * alpha + 1) * 2 ** 16));
     const e = bitLength(Math.max(v, 1)) - 1;
-    const scaleCode = 2 * e + (e > 0 ? Math.floor(v / 2 ** (e - 1)) % 2 : 0);
-    const centre = Math.floor((m * b) / 4);
-    return { C: density(m + 1, (i) => 64 * (2 * i - 1), centre, FAMILIES[0], scaleCode, 0), lowBits: r };
+    const scaleCode = 2 * e + (e > 0 ? Math.floor(v * POWERS[64 - (e - 1)]) % 2 : 0);
+    return { m, centre: (m * b) >> 2, scaleCode, lowBits };
+  }
+
+  /** C[i] of such a density, for i = 1 .. m. */
+  const cumulativeOfHalf = (i, { m, centre, scaleCode }) =>
+    cumulativeAt(i, m + 1, 64 * (2 * i - 1), centre, FAMILIES[0], scaleCode, 0);
+
+  /** C of how many of n splats are in the first half of a part, and how many low bits are raw. */
+  function halves(n, p, q, alpha) {
+    if (isBetaBinomial(n, p, q)) return { C: betaBinomial(n, alpha), lowBits: 0 };
+    const half = halfDensity(n, p, q, alpha);
+    const C = new Int32Array(half.m + 2);
+    for (let i = 1; i <= half.m; i++) C[i] = cumulativeOfHalf(i, half);
+    C[half.m + 1] = TOTAL;
+    return { C, lowBits: half.lowBits };
   }
 
   /** (15-8). */
@@ -118,7 +139,7 @@ globalThis.GSVC ??= {};
   const bitLength = (value) => 32 - Math.clz32(value);
 
   GSVC.main = {
-    TOTAL, MAGNITUDE_CLASSES, CLASS_MOST, EXP2, FAMILIES, exp2, stepOf, classOf, density, magnitudeDensity,
-    windowDensity, halves, bitLength,
+    TOTAL, MAGNITUDE_CLASSES, CLASS_MOST, EXP2, FAMILIES, powerOfTwo, exp2, stepOf, classOf, density, magnitudeDensity,
+    windowDensity, isBetaBinomial, halfDensity, cumulativeOfHalf, halves, betaBinomial, bitLength,
   };
 }

@@ -286,6 +286,7 @@ globalThis.GSVC ??= {};
     if (told.interrupted) state.layers.interrupt(told.interrupted); // the layers that stayed
     const frame = completeFrame(chunkOf(bytes, told), state);
     for (const layer of told.layers) state.layers.read(chunkOf(bytes, layer), layer.byteLength, state);
+    state.layers?.finish();
     return frame;
   }
 

@@ -216,8 +216,9 @@ globalThis.GSVC ??= {};
     },
 
     async main_inter({ quantizer, state, motion, differences }) {
+      const modes = new Int32Array(state.shape[0]).fill(1); // all have differences
       const after = main.addDifferences(
-        statesOf(state), numbers(motion), numbers(differences), main.stepOf(quantizer));
+        statesOf(state), numbers(motion), modes, numbers(differences), main.stepOf(quantizer));
       return { state: rows(after, 8, "<i8") };
     },
 

@@ -15,9 +15,7 @@ globalThis.GSVC ??= {};
     if (mode === 0) {
       symbols = new Uint16Array(count).fill(readSymbol(p, w, alphabet));
     } else if (mode === 1) {
-      p.need(count * w); // the run as a whole, before its first symbol is looked at
-      symbols = new Uint16Array(count);
-      for (let i = 0; i < count; i++) symbols[i] = readSymbol(p, w, alphabet);
+      symbols = readRawSymbols(p, count, alphabet, w);
     } else {
       symbols = readCodedSymbols(p, header, count, alphabet, w);
     }
@@ -29,6 +27,29 @@ globalThis.GSVC ??= {};
     const symbol = p.u(w);
     if (symbol >= alphabet) throw new Fault("R-6.6-2", p.element);
     return symbol;
+  }
+
+  /** What a plane of mode 1 has: u(w) of each symbol, here without a call for each. */
+  function readRawSymbols(p, count, alphabet, w) {
+    p.need(count * w); // the run as a whole, before its first symbol is looked at
+    const symbols = new Uint16Array(count);
+    const first = p.position();
+    let next = Math.floor(p.at / 8); // the byte of `data` that comes next
+    let held = 0; // bits of bytes that were begun, which are the low ones of `bits`
+    let bits = 0;
+    if (p.at % 8 > 0) {
+      bits = p.data[next++];
+      held = 8 - (p.at % 8);
+    }
+    for (let i = 0; i < count; i++) {
+      for (; held < w; held += 8) bits = (bits << 8) | p.data[next++]; // those above `held` may go
+      held -= w;
+      const symbol = (bits >> held) & ((1 << w) - 1);
+      if (symbol >= alphabet) throw new Fault("R-6.6-2", first + i * w);
+      symbols[i] = symbol;
+    }
+    p.at += count * w;
+    return symbols;
   }
 
   /** What a plane of mode 2 has behind `plane_mode`. */

@@ -47,15 +47,22 @@ globalThis.GSVC ??= {};
   const cholesky = (codes, n, channel) =>
     fl(fl(codes.cholesky[3 * n + channel] * codes.scale[channel]) + codes.offset[channel]);
 
-  /** Adds up the codewords of splat n, in the order of the stages (8-4), into `color`. */
-  function codewordSum(codes, values, n, color) {
-    const stages = codes.codebookSizes.length;
-    let first = 0; // row of the stage's first codeword
-    for (let k = 0; k < stages; k++) {
-      const row = 3 * (first + codes.colorIndices[stages * n + k]);
-      for (let c = 0; c < 3; c++) color[c] = k === 0 ? values[row + c] : fl(color[c] + values[row + c]);
-      first += codes.codebookSizes[k];
+  /** Puts the sum of the codewords of splat n, added in the order of the stages (8-4), into a Float32Array at `at`. */
+  function putCodewordSum({ codebookSizes, colorIndices }, values, n, to, at) {
+    const stages = codebookSizes.length;
+    let row = 3 * colorIndices[stages * n];
+    let red = values[row];
+    let green = values[row + 1];
+    let blue = values[row + 2];
+    for (let k = 1, first = codebookSizes[0]; k < stages; first += codebookSizes[k++]) {
+      row = 3 * (first + colorIndices[stages * n + k]); // `first`: of the stage
+      red = fl(red + values[row]);
+      green = fl(green + values[row + 1]);
+      blue = fl(blue + values[row + 2]);
     }
+    to[at] = red;
+    to[at + 1] = green;
+    to[at + 2] = blue;
   }
 
   /**
@@ -68,14 +75,12 @@ globalThis.GSVC ??= {};
     const count = codes.positions.length / 2;
     const values = halfValues(codes.codewords);
     const parameters = new Float32Array(8 * count);
-    const color = [0, 0, 0];
     for (let n = 0; n < count; n++) {
       const at = 8 * n;
       parameters[at] = fl(fl(HALF_VALUES[codes.positions[2 * n]] + 1) * (width / 2)); // (8-1)
       parameters[at + 1] = fl(fl(HALF_VALUES[codes.positions[2 * n + 1]] + 1) * (height / 2)); // (8-2)
       for (let c = 0; c < 3; c++) parameters[at + 2 + c] = cholesky(codes, n, c); // (8-3)
-      codewordSum(codes, values, n, color);
-      parameters.set(color, at + 5); // (8-4)
+      putCodewordSum(codes, values, n, parameters, at + 5); // (8-4)
     }
     return parameters;
   }
@@ -84,7 +89,7 @@ globalThis.GSVC ??= {};
   function reconstructInter(width, height, reference, survivors, codes) {
     const parameters = survivorsOf(reference, survivors);
     const values = halfValues(codes.codewords);
-    const color = [0, 0, 0];
+    const color = new Float32Array(3);
     for (let at = 0, n = 0; at < parameters.length; at += 8, n++) {
       if (codes.positions.length > 0) {
         parameters[at] += fl(HALF_VALUES[codes.positions[2 * n]] * (width / 2)); // storing rounds: fl(ref(x) + ...)
@@ -94,7 +99,7 @@ globalThis.GSVC ??= {};
         for (let c = 0; c < 3; c++) parameters[at + 2 + c] += cholesky(codes, n, c);
       }
       if (codes.colorIndices.length > 0) {
-        codewordSum(codes, values, n, color);
+        putCodewordSum(codes, values, n, color, 0);
         for (let c = 0; c < 3; c++) parameters[at + 5 + c] += color[c];
       }
     }
@@ -102,7 +107,9 @@ globalThis.GSVC ??= {};
   }
 
   function survivorsOf(reference, survivors) {
-    const kept = new Float32Array(8 * survivors.reduce((sum, survivor) => sum + survivor, 0));
+    let count = 0;
+    for (let n = 0; n < survivors.length; n++) count += survivors[n];
+    const kept = new Float32Array(8 * count);
     for (let n = 0, at = 0; n < survivors.length; n++) {
       if (survivors[n] !== 1) continue;
       for (let c = 0; c < 8; c++) kept[at++] = reference[8 * n + c];
@@ -110,8 +117,15 @@ globalThis.GSVC ??= {};
     return kept;
   }
 
+  const checksums = new WeakMap(); // of splats by their array: frames repeat it, and nothing changes one
+
   /** R-6.4-3: positions of all splats, then all Cholesky factors, then all colours. */
   function parameterChecksum(parameters) {
+    if (!checksums.has(parameters)) checksums.set(parameters, crc32c(storedInOrder(parameters)));
+    return checksums.get(parameters);
+  }
+
+  function storedInOrder(parameters) {
     const stored = new DataView(new ArrayBuffer(4 * parameters.length));
     let at = 0;
     for (const [first, end] of [[0, 2], [2, 5], [5, 8]]) {
@@ -119,7 +133,13 @@ globalThis.GSVC ??= {};
         for (let c = first; c < end; c++, at += 4) stored.setFloat32(at, parameters[n + c], true);
       }
     }
-    return crc32c(new Uint8Array(stored.buffer));
+    return new Uint8Array(stored.buffer);
+  }
+
+  /** R-8-1. */
+  function areFinite(parameters) {
+    for (let i = 0; i < parameters.length; i++) if (!Number.isFinite(parameters[i])) return false;
+    return true;
   }
 
   /** The box of the splat at `at`: [first column, end column, first row, end row], equal ends if it is empty (5-1). */
@@ -153,6 +173,7 @@ globalThis.GSVC ??= {};
   }
 
   Object.assign(GSVC, {
-    halfValues, halfBits, roundHalfEven, reconstructIntra, reconstructInter, parameterChecksum, boxOf, renderingWork,
+    halfValues, halfBits, roundHalfEven, reconstructIntra, reconstructInter, areFinite, parameterChecksum, boxOf,
+    renderingWork,
   });
 }

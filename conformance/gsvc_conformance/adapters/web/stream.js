@@ -4,7 +4,8 @@ globalThis.GSVC ??= {};
 {
   const { Fault, LEVELS, LONGEST_HEADER, MAIN, readPrefix, readChunk, readSequenceHeader, main } = GSVC;
   const { readFrame, readFrameHead } = GSVC;
-  const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter, renderingWork, parameterChecksum } = GSVC;
+  const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter } = GSVC;
+  const { areFinite, renderingWork, parameterChecksum } = GSVC;
 
   /** What a decoder carries from chunk to chunk. */
   class State {
@@ -26,6 +27,7 @@ globalThis.GSVC ??= {};
     /** What an I-frame of profile paper begins with: no splats, nothing kept. */
     forget() {
       this.parameters = new Float32Array(0);
+      this.work = 0; // of these splats, in pairs
       this.kept = { intra: {}, inter: {} };
     }
 
@@ -81,6 +83,7 @@ globalThis.GSVC ??= {};
         checkKnown(type, bit);
         checkMayStand(type, bit, state);
         if ("IPRE".includes(type) && waiting !== null) {
+          state.layers.finish();
           yield waiting;
           waiting = null;
         }
@@ -106,7 +109,10 @@ globalThis.GSVC ??= {};
       }
       if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
     } catch (fault) {
-      if (waiting !== null) yield waiting;
+      if (waiting !== null) {
+        state.layers.finish();
+        yield waiting;
+      }
       throw fault;
     }
   }
@@ -155,16 +161,17 @@ globalThis.GSVC ??= {};
     const frame = profile === MAIN ? readMainFrame(payload, type, state) : readFrame(payload, type, state);
     payload.checkFilled();
     const parameters = profile === MAIN ? mainParameters(frame, state) : reconstructFrame(frame, state);
-    if (!parameters.every(Number.isFinite)) throw new Fault("R-8-1", bit);
-    const work = renderingWork(parameters, width, height);
+    const isKnown = parameters === state.parameters; // an R-frame has the splats of the frame before
+    if (!isKnown && !areFinite(parameters)) throw new Fault("R-8-1", bit);
+    const work = isKnown ? state.work : renderingWork(parameters, width, height);
     if (work > state.limits.work) throw new Fault("R-5-4", bit);
     if (frame.checksum !== null && frame.checksum !== parameterChecksum(parameters)) {
       throw new Fault("R-6.4-3", frame.checksumBit);
     }
-    frame.parameters = parameters;
+    Object.assign(frame, { parameters, work });
     frame.parts[0].count = parameters.length / 8;
     if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
-    state.parameters = parameters;
+    Object.assign(state, { parameters, work });
     if (profile === MAIN) state.main = frame.after;
     state.nextNumber += 1;
     state.layers?.begin(frame);
@@ -190,6 +197,7 @@ globalThis.GSVC ??= {};
     const none = new Float32Array(0);
     const old = frame.inter ? reconstructInter(width, height, reference, frame.survivors, frame.inter) : none;
     const added = frame.intra ? reconstructIntra(width, height, frame.intra) : none;
+    if (old.length === 0 || added.length === 0) return old.length === 0 ? added : old;
     const parameters = new Float32Array(old.length + added.length);
     parameters.set(old);
     parameters.set(added, old.length);

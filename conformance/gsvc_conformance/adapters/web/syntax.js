@@ -163,7 +163,8 @@ globalThis.GSVC ??= {};
     frame.survivors = new Uint16Array(0);
     if (referenceCount > 0) frame.survivors = readPlane(p, state.header, referenceCount, 2);
     frame.bits.survivors = p.position() - mapBit;
-    const survivorCount = frame.survivors.reduce((sum, survivor) => sum + survivor, 0);
+    let survivorCount = 0;
+    for (let n = 0; n < referenceCount; n++) survivorCount += frame.survivors[n];
     if (survivorCount + newCount > state.limits.splats) throw new Fault("R-5-2", mapBit);
     if (survivorCount > 0) frame.inter = readSplatBlock(p, state, survivorCount, "inter", frame.bits);
     if (newCount > 0) frame.intra = readSplatBlock(p, state, newCount, "intra", frame.bits);
@@ -220,17 +221,19 @@ globalThis.GSVC ??= {};
   /** Columns of the same length as one array, row by row. */
   function interleaved(columns) {
     const rows = new Uint16Array(columns.length * columns[0].length);
-    columns.forEach((column, c) => column.forEach((value, n) => (rows[columns.length * n + c] = value)));
+    columns.forEach((column, c) => {
+      for (let n = 0, at = c; n < column.length; n++, at += columns.length) rows[at] = column[n];
+    });
     return rows;
   }
 
   /** x or y of all positions, as patterns of binary16. */
   function readAxis(p, state, count) {
     const start = p.position();
-    const high = readPlane(p, state.header, count, 256);
+    const patterns = readPlane(p, state.header, count, 256);
     const low = readPlane(p, state.header, count, 256);
-    const patterns = high.map((byte, n) => byte * 256 + low[n]);
-    if (patterns.some((pattern) => (pattern & 0x7c00) === 0x7c00)) throw new Fault("R-6.5-7", start);
+    for (let n = 0; n < count; n++) patterns[n] = patterns[n] * 256 + low[n];
+    for (let n = 0; n < count; n++) if ((patterns[n] & 0x7c00) === 0x7c00) throw new Fault("R-6.5-7", start);
     return patterns;
   }
 

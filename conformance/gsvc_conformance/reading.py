@@ -1,0 +1,274 @@
+"""Files of others: each is measured before it is read, and what reads them calls itself no deeper than they may nest.
+
+Everything that the kit reads goes through here: vectors, waivers, features, reports, and what implementations write.
+"""
+
+import io
+import json
+import math
+import os
+import re
+import stat
+import tomllib
+import zipfile
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gsvc_base.errors import UsageError
+
+MAX_BYTES: Final = 1 << 28
+"""Bytes of a file, and of all files and arrays of a vector together; of the kit's own vectors the largest has 2^26."""
+MAX_TEXT: Final = 1 << 25
+"""Bytes of a text that is parsed, which takes some twenty times as much memory: a report, waivers, a manifest."""
+MAX_ARCHIVE: Final = 1 << 32
+"""Bytes of all files of an archive together."""
+MAX_DOTS: Final = 32
+"""Parts of a key of TOML, for which tomllib takes a time that grows with their square."""
+METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""Methods of compression whose memory is the same for all files."""
+
+_QUIET: Final = re.compile(r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.S)
+"""Strings and comments of TOML."""
+_DOTTED: Final = re.compile(rf"(?:\.[^.,=\[\]{{}}\n]*){{{MAX_DOTS}}}")
+_HEADERS: Final = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+
+
+def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
+    """The bytes of an ordinary file; nothing else is opened, so that no pipe is waited for.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    UsageError
+        It is something else, or has more than `most` bytes.
+    """
+    with open(path, "rb", opener=_at_once) as file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode):
+            raise UsageError(f"{path} is not an ordinary file; write its contents to one and give that")
+        check_size(str(path), status.st_size, most)
+        return file.read(status.st_size)
+
+
+def read_text(path: Path) -> str:
+    """The text of an ordinary file in UTF-8.
+
+    Raises
+    ------
+    OSError, UsageError
+        As `read_bytes`, of at most `MAX_TEXT` bytes.
+    UnicodeDecodeError
+        It is no UTF-8.
+    """
+    return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
+
+
+def _at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def check_size(name: str, size: int, most: int = MAX_BYTES) -> None:
+    """Refuse what is too large to be read.
+
+    Raises
+    ------
+    UsageError
+        It is.
+    """
+    if size > most:
+        raise UsageError(f"{name} has {size:,} bytes; at most {most:,} are read")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    UsageError
+        It is no TOML, too large, or nested too deep.
+    """
+    try:
+        text = read_text(path)
+        if _DOTTED.search(_QUIET.sub("", text)):
+            raise UsageError(f"a key has more than {MAX_DOTS} parts")
+        return tomllib.loads(text)
+    except RecursionError:
+        raise UsageError(f"{path} is no TOML: it is nested too deep; a list in a table is enough") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
+        raise _unless_named(error, path, "TOML") from None
+
+
+def read_json(path: Path) -> Any:
+    """The value of a JSON file.
+
+    Raises
+    ------
+    OSError
+        It cannot be read.
+    UsageError
+        It is no JSON, too large, or nested too deep.
+    """
+    try:
+        return parse_json(read_bytes(path, MAX_TEXT))
+    except ValueError as error:
+        raise _unless_named(error, path, "JSON") from None
+
+
+def parse_json(data: bytes) -> Any:
+    """The value of a text in JSON.
+
+    Raises
+    ------
+    UsageError
+        It has more than `MAX_TEXT` bytes or is nested too deep.
+    ValueError
+        It is no JSON.
+    """
+    check_size("the text", len(data), MAX_TEXT)
+    try:
+        return json.loads(data)
+    except RecursionError:
+        raise UsageError("it is nested too deep") from None
+
+
+def _unless_named(error: ValueError, path: Path, form: str) -> UsageError:
+    """The error of a file, which is named."""
+    if isinstance(error, UsageError) and str(path) in str(error):
+        return error
+    return UsageError(f"{path} is no {form}: {error}")
+
+
+def parse_npy(data: bytes, name: str) -> NDArray[Any]:
+    """The array of an .npy file of numbers, in the byte order of the machine and in C order.
+
+    Raises
+    ------
+    UsageError
+        It is none, with a message that begins with the file's name.
+    """
+    file = io.BytesIO(data)
+    try:
+        shape, column_order, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
+    except Exception as error:  # whatever a hostile header makes of Python's parser
+        raise UsageError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
+    if dtype.kind not in "uif" or len(data) - file.tell() != dtype.itemsize * elements_of(shape):
+        raise UsageError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
+    if dtype.str.startswith(">"):
+        raise UsageError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
+    flat = np.frombuffer(data, dtype, offset=file.tell())
+    try:
+        return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")
+    except (ValueError, OverflowError):  # an empty array with a length beyond any address
+        raise UsageError(f"{name} has the shape {shape}") from None
+
+
+def native(array: NDArray[Any]) -> NDArray[Any]:
+    """An array from a file in the byte order of the machine."""
+    return array.astype(array.dtype.newbyteorder("="), copy=False)
+
+
+def elements_of(shape: Any) -> int:
+    """Elements of a shape; -1, which no file fits, for one that is no shape, such as (True,)."""
+    if not isinstance(shape, list | tuple) or any(type(length) is not int or length < 0 for length in shape):
+        return -1
+    return math.prod(shape)
+
+
+class Folder(Mapping[str, bytes]):
+    """The files of a folder of vectors by their relative names, read when they are asked for."""
+
+    DEPTH: Final = 3
+    """Folders around a file: ``<tier>/<operation>/<slug>``."""
+
+    def __init__(self, home: Path) -> None:
+        self._home = home
+
+    def __getitem__(self, name: str) -> bytes:
+        try:
+            return read_bytes(self._home / name)
+        except (FileNotFoundError, NotADirectoryError):
+            raise KeyError(name) from None
+
+    def size(self, name: str) -> int:
+        """The bytes of a file.
+
+        Raises
+        ------
+        KeyError
+            There is none.
+        """
+        try:
+            return (self._home / name).stat().st_size
+        except (FileNotFoundError, NotADirectoryError):
+            raise KeyError(name) from None
+
+    def __iter__(self) -> Iterator[str]:
+        below = [""]
+        while below:
+            folder = below.pop()
+            with suppress(FileNotFoundError, NotADirectoryError), os.scandir(self._home / folder) as entries:
+                for entry in entries:
+                    name = f"{folder}{entry.name}"
+                    if not entry.is_dir(follow_symlinks=False):
+                        yield name
+                    elif name.count("/") < self.DEPTH:
+                        below.append(f"{name}/")
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+class Archive(Mapping[str, bytes]):
+    """The files of a zip by their names, read when they are asked for.
+
+    Raises
+    ------
+    UsageError
+        It is no zip, or its files are too large together.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        check_size(str(path), path.stat().st_size)
+        try:
+            self._zip = zipfile.ZipFile(path)
+        except OSError:
+            raise
+        except Exception as error:  # whatever a damaged archive makes of the reader
+            raise UsageError(f"{path} is neither a folder of vectors nor an archive (zip) of one ({error})") from None
+        check_size(f"all of {path} together", sum(entry.file_size for entry in self._zip.infolist()), MAX_ARCHIVE)
+
+    def __getitem__(self, name: str) -> bytes:
+        entry = self._zip.getinfo(name)
+        check_size(f"{name} of {self._path}", entry.file_size)
+        if entry.compress_type not in METHODS:
+            raise UsageError(f"{name} of {self._path} is compressed by another method than deflate: pack it again")
+        try:
+            with self._zip.open(entry) as file:
+                return file.read(entry.file_size)
+        except Exception as error:  # as above
+            raise UsageError(f"{name} of {self._path} cannot be read ({error}): pack it again") from None
+
+    def size(self, name: str) -> int:
+        """The bytes of a file.
+
+        Raises
+        ------
+        KeyError
+            There is none.
+        """
+        return self._zip.getinfo(name).file_size
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._zip.namelist())
+
+    def __len__(self) -> int:
+        return len(self._zip.namelist())
