@@ -28,7 +28,7 @@ from gsvc_ref.cli.files import (
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport, Progress
-    from gsvc_ref.video import VideoReader, VideoSource
+    from gsvc_ref.video import VideoFormat, VideoReader, VideoSource
     from gsvc_ref.video.alpha import Background
 
 GSVC_ENCODE: Final = "gsvc encode"
@@ -127,10 +127,10 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
         source.open_video() as reader,
     ):
         extras.look(reader, settings)
-        if talkative:
-            _introduce(arguments.input, reader, settings, out)
         shown = list(reader.notes)
-        say_damage(GSVC_ENCODE, shown)
+        notes = say_damage(GSVC_ENCODE, shown)
+        if talkative:
+            _introduce(arguments.input, reader.format, notes, settings, out)
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -160,16 +160,12 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
     return extras.after(report)
 
 
-def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:
+def _introduce(name: str, video: "VideoFormat", notes: list[str], settings: "Settings", out: TextIO) -> None:
     """Say what is encoded, what was assumed about it, and how."""
-    from gsvc_ref.video.stream import Damage
-
-    video = reader.format
     described = describe_settings(settings, video.width, video.height)  # which may refuse them
     show(f"{display_name(name)}: {describe_format(video)}", file=out)
-    for note in reader.notes:
-        if not isinstance(note, Damage):  # which standard error gets
-            show(f"  note: {note}", file=out)
+    for note in notes:
+        show(f"  note: {note}", file=out)
     show(f"settings: {described}", file=out)
 
 

@@ -61,13 +61,14 @@ def _color(text: str) -> "Background | None":
         raise ArgumentTypeError(str(error)) from None
 
 
-def say_damage(command: str, notes: "list[str]") -> None:
-    """Write to standard error what the notes of a reader tell of frames that are lost."""
+def say_damage(command: str, notes: list[str]) -> list[str]:
+    """Write to standard error what the notes of a reader tell of frames that are lost, and return the other notes."""
     from gsvc_ref.video.stream import Damage
 
     for note in notes:
         if isinstance(note, Damage):
             say(command, note)
+    return [note for note in notes if not isinstance(note, Damage)]
 
 
 def check_input(name: str, *, folder_allowed: bool = False) -> None:

@@ -23,6 +23,7 @@ from gsvc_ref.cli.files import (
     describe_format,
     display_name,
     open_stream,
+    say_damage,
 )
 
 if TYPE_CHECKING:
@@ -87,6 +88,8 @@ def run(arguments: Namespace) -> int:
         ) as a,
         open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer, arguments.background) as b,
     ):
+        for side in (a, b):
+            say_damage(GSVC_COMPARE, side.notes)
         try:
             comparison = _compare(a, b, arguments)
         except GsvcError:
@@ -184,11 +187,13 @@ def comparison_object(comparison: "Comparison", a: Side, b: Side, first: int) ->
 
 def describe(comparison: "Comparison", a: Side, b: Side, first: int, *, brief: bool) -> list[str]:
     """The comparison in lines."""
+    from gsvc_ref.video.stream import Damage
+
     lines = []
     if not brief:
         for letter, side in (("A", a), ("B", b)):
             lines.append(f"{letter}  {side.name}: {describe_format(side.format)}")
-            lines += [f"   note: {note}" for note in side.notes]
+            lines += [f"   note: {note}" for note in side.notes if not isinstance(note, Damage)]
         lines += ["", *_frame_lines(comparison, first), ""]
     lines.append(f"PSNR     {_mean_psnr(comparison)}")
     lines.append(f"MS-SSIM  {comparison.mean_ms_ssim:.5f}")
