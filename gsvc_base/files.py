@@ -188,14 +188,20 @@ def _named(path: Path, name: Path, mode: Literal["wb", "w+b"]) -> Iterator[Binar
 
 def remove_leftover(path: Path) -> None:
     """Remove a partial file whose process is gone, so that nobody holds its lock; leave anything else."""
-    with suppress(OSError), open(path, "rb", opener=_open_at_once) as file:
+    with suppress(OSError), open(path, "rb", opener=open_at_once) as file:
         if stat.S_ISREG(os.fstat(file.fileno()).st_mode) and try_lock(file) and still_named(file, path):
             path.unlink()
 
 
-def _open_at_once(path: str, flags: int) -> int:
+def remove_leftovers(folder: Path, names: str) -> None:
+    """Remove partial files of targets with such names, given as for `Path.glob`, whose processes are gone."""
+    for path in folder.glob(f".{names}.*.part"):
+        remove_leftover(path)
+
+
+def open_at_once(path: str, flags: int, dir_fd: int | None = None) -> int:
     """Open a path that may be anything: a pipe would be waited for, a link may lead anywhere."""
-    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0))
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_NOFOLLOW", 0), 0o666, dir_fd=dir_fd)
 
 
 def check_parent(target: Path) -> None:

@@ -1,5 +1,6 @@
 """The data everybody passes on: the 2D Gaussian splats of one frame."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -118,11 +119,15 @@ class Splats:
 
     def append(self, other: "Splats") -> "Splats":
         """These splats, then the other ones."""
-        return Splats(
-            np.concatenate([self.positions, other.positions]),
-            np.concatenate([self.cholesky, other.cholesky]),
-            np.concatenate([self.colors, other.colors]),
-        )
+        return Splats.joined([self, other])
+
+    @classmethod
+    def joined(cls, parts: "Sequence[Splats]") -> "Splats":
+        """The splats of one set after the other, at least one; those of a single set are not copied."""
+        if len(parts) == 1:
+            return parts[0]
+        columns = zip(*((part.positions, part.cholesky, part.colors) for part in parts), strict=True)
+        return cls(*map(np.concatenate, columns))
 
 
 # twin of spec.scale_parameters

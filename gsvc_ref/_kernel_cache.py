@@ -5,15 +5,11 @@ file it would go on running the old one.
 """
 
 import os
-import shutil
-import stat
 import sys
 import warnings
 from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
-from glob import glob
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +18,9 @@ from numba.core import runtime as numba_runtime
 from numba.core.caching import FunctionCache
 
 import gsvc_base
+from gsvc_base.errors import UsageError
+from gsvc_base.folders import OwnFolder
+from gsvc_base.sources import digest, digests
 
 PACKAGE: Final = Path(__file__).resolve().parent
 BASE: Final = Path(gsvc_base.__file__).resolve().parent
@@ -97,24 +96,32 @@ def kernel_folder(package: str = "gsvc_ref") -> Path | None:
     base = _base()
     if base is None:
         return None
-    folder = base / f"{package}-{_digest(str(PACKAGE))}" / _digest(*_sources(package))
-    if not folder.is_dir() and folder.parent.is_dir():
-        for other in folder.parent.iterdir():
-            if other != folder:  # another process may just have made it
-                shutil.rmtree(other, ignore_errors=True)
-    return folder
+    name = digest(*_sources(package))
+    try:
+        with OwnFolder(_home(base, package)) as own:
+            if name not in own.names():
+                own.remove_others(name)
+            return own.path / name
+    except (OSError, UsageError) as error:
+        _warn(f"compiled kernels of {package} cannot be kept: {error}")
+        return None
+
+
+def _home(base: Path, package: str) -> Path:
+    """The folder of a package of this installation, which only we write to: kernels from there are run."""
+    return base / f"{package}-{digest(str(PACKAGE))}"
 
 
 @cache
 def _base() -> Path | None:
-    """NUMBA_CACHE_DIR, or else a place that only this user can write to: kernels from there are run.
+    """NUMBA_CACHE_DIR, or else the user's cache, or else a folder beside the sources.
 
     Warns where kernels cannot be kept, or not in the folder that the user chose.
     """
     chosen = os.environ.get("NUMBA_CACHE_DIR")
-    if chosen and _can_be_written(Path(chosen)):
+    if chosen and _is_own(_home(Path(chosen), "gsvc_ref")):
         return Path(chosen).absolute()
-    base = next(filter(_is_private, _usual_bases()), None)
+    base = next(filter(_is_own, _usual_bases()), None)
     if base is None:
         advice = "set NUMBA_CACHE_DIR to a folder that only you can write to"
         _warn(f"compiled kernels cannot be kept, so each start takes half a minute: {advice}")
@@ -130,37 +137,20 @@ def _usual_bases() -> Iterator[Path]:
     yield PACKAGE / "__pycache__" / "kernels"
 
 
-def _can_be_written(folder: Path) -> bool:
-    """Whether files can be put into a folder, which is made."""
-    with suppress(OSError):
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return folder.is_dir() and os.access(folder, os.W_OK)
-
-
-def _is_private(folder: Path) -> bool:
-    """Whether this user, and as far as the system tells nobody else, can put files into a folder."""
-    if not _can_be_written(folder):
+def _is_own(folder: Path) -> bool:
+    """Whether this user, and as far as the system tells nobody else, can put files into a folder, which is made."""
+    try:
+        OwnFolder(folder, parents=True).close()
+    except (OSError, UsageError):
         return False
-    if not hasattr(os, "geteuid"):
-        return True
-    found = folder.lstat()
-    others = stat.S_IWGRP | stat.S_IWOTH
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == os.geteuid() and not found.st_mode & others
+    return os.access(folder, os.W_OK)
 
 
 def _sources(package: str) -> Iterator[str]:
     """Path and digest of each source that kernels, or constants in them, may come from."""
     main = getattr(sys.modules.get(package), "__file__", None)
     for root in sorted({PACKAGE / "__init__.py", BASE / "__init__.py"} | ({Path(main).resolve()} if main else set())):
-        folder, whole = str(root.parent), root.name == "__init__.py"
-        for name in sorted(glob("**/*.py", root_dir=folder, recursive=True)) if whole else [root.name]:
-            if root.parent not in (PACKAGE, BASE) or name.split(os.sep)[0] not in WITHOUT_KERNELS:
-                with open(os.path.join(folder, name), "rb") as file:
-                    yield f"{name} {sha256(file.read()).hexdigest()}"
-
-
-def _digest(*parts: str) -> str:
-    return sha256("\n".join(parts).encode()).hexdigest()[:12]
+        yield from digests(root, WITHOUT_KERNELS if root.parent in (PACKAGE, BASE) else ())
 
 
 def _warn(sentence: str) -> None:

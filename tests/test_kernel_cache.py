@@ -304,6 +304,24 @@ def test_a_users_cache_is_used_only_if_nobody_else_can_write_to_it(places, monke
     assert kernel_folder() is None
 
 
+@posix
+def test_in_a_chosen_folder_of_all_users_kernels_are_read_only_from_our_own(places, monkeypatch):
+    """What is in it is run: it was taken from a folder that somebody else had made there."""
+    monkeypatch.setattr(_kernel_cache, "_warn", lambda sentence: None)
+    shared = places / "shared"
+    shared.mkdir()
+    shared.chmod(0o1777)
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(shared))
+    own = kernel_folder().parent
+    assert own.parent == shared
+    assert stat.S_IMODE(own.stat().st_mode) == 0o700
+    own.chmod(0o777)
+    assert places / "user" in kernel_folder().parents
+    own.rmdir()
+    own.symlink_to(places / "package")
+    assert places / "user" in kernel_folder().parents
+
+
 def test_without_a_home_kernels_are_kept_beside_the_package(places, monkeypatch):
     (places / "file").touch()
     beside = places / "package" / "__pycache__" / "kernels"

@@ -70,11 +70,11 @@ globalThis.GSVC ??= {};
     /** The samples of a frame of the stream as they are decoded; by the GPU, if one of its renderers works. */
     async decoded(n) {
       const { width, height, bits } = this.source;
-      const { parameters } = this.stream.frame(n);
       this.renderer ??= GSVC.createRenderer(this.kind, null).catch(() => null);
       const renderer = await this.renderer;
-      const turn = (this.turn ?? Promise.resolve()).then(async () => { // a renderer does one thing at a time
-        if (!renderer) return GSVC.toFrameDeterministic(GSVC.renderSumDeterministic(parameters, width, height), bits);
+      const turn = (this.turn ?? Promise.resolve()).then(async () => { // a renderer, and a seeker, do one thing at a time
+        const { parameters } = await GSVC.inSteps(this.stream.frame.steps(n));
+        if (!renderer) return GSVC.toFrameDeterministic(await GSVC.inSteps(GSVC.renderingSteps(parameters, width, height)), bits);
         return GSVC.toFrame(await renderer.sum(parameters, width, height), bits);
       });
       this.turn = turn.catch(() => null);

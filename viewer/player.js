@@ -9,7 +9,7 @@ GSVC.Player = class {
    */
   constructor(show, changed) {
     Object.assign(this, { show, changed, count: 0, number: 0, rate: 25, times: null, speed: 1 });
-    Object.assign(this, { loop: true, playing: false, tick: 0 });
+    Object.assign(this, { loop: true, playing: false, late: false, tick: 0 }); // late: a frame is not shown yet
   }
 
   /** Begin with the first of so many frames, so many a second, or at the `times` that GSVC.timesOf says. */
@@ -65,6 +65,11 @@ GSVC.Player = class {
 
   /** Shows the frame whose time has come; frames are left out where drawing is too slow for them. */
   #tick(now) {
+    if (this.late) { // else frames that are left out, which have to be decoded, would make the next one later still
+      this.due = null;
+      this.tick = requestAnimationFrame((later) => this.#tick(later));
+      return;
+    }
     this.due ??= now + this.#length(this.number); // when the next frame is to be seen
     if (now >= this.due) {
       let next = this.number;

@@ -6,6 +6,7 @@ globalThis.GSVC ??= {};
   const SUPPORT_RADIUS = 3.3290429691304455; // sqrt(2 ln 255)
   const LN_255 = 5.541263545158426;
   const LONGEST_WALK = 300; // frames that a splat is followed in one go
+  const MOST_DECODED = 2 ** 22; // splats of frames that may have to be decoded for it
 
   const isFactor = (value) => value >= 2 ** -126 && value < Infinity;
 
@@ -166,9 +167,21 @@ globalThis.GSVC ??= {};
       const known = [...this.at.keys()];
       const nearest = known.reduce((best, one) => (Math.abs(one - number) < Math.abs(best - number) ? one : best));
       if (Math.abs(nearest - number) > LONGEST_WALK) return null;
-      for (let n = nearest; n < number; n++) if (!this.#forwards(n)) return -1;
-      for (let n = nearest; n > number; n--) if (!this.#backwards(n)) return -1;
+      let left = MOST_DECODED;
+      for (let n = nearest; n < number; n++) {
+        if ((left -= this.#cost(n + 1)) < 0) return null;
+        if (!this.#forwards(n)) return -1;
+      }
+      for (let n = nearest; n > number; n--) {
+        if ((left -= this.#cost(n) + this.#cost(n - 1)) < 0) return null;
+        if (!this.#backwards(n)) return -1;
+      }
       return this.at.get(number).index;
+    }
+
+    /** About how many splats have to be decoded for a frame. */
+    #cost(n) {
+      return this.stream.frame.distance(n) * this.stream.frames[n].splatCount;
     }
 
     #forwards(n) {

@@ -3,12 +3,13 @@
 globalThis.GSVC ??= {};
 
 {
-  const { number, faultInWords, element, tell } = GSVC.words;
+  const { number, faultInWords, levelInWords, element, tell } = GSVC.words;
   const { ofFile, ofText, ofBytes, named, viewed } = GSVC.inputs;
   const $ = (id) => document.getElementById(id);
-  const state = { file: null, opening: null };
+  const state = { file: null, opening: null, shown: 0, waiting: null }; // shown: where the frame on the screen stands
   const notices = { file: [], source: [], saving: [], drawing: [] }; // lines above the picture
   const BEST = 3; // the highest layer that a stream can have
+  const MOST_LEVEL = 3; // a stream of a higher one is decoded only when somebody asks for it
   const drawn = []; // when the last pictures were drawn
 
   // ---- frames
@@ -25,7 +26,7 @@ globalThis.GSVC ??= {};
   const screen = new GSVC.Screen($("screen"), $("marks"), {
     drawn: pictureDrawn,
     point: (place) => look.at(place),
-    pick: (place) => look.follow(place),
+    pick: (place) => player.late || look.follow(place),
     view: () => {
       $("zoom").textContent = `${number(100 * screen.view.scale)} %`;
       beside.moved();
@@ -36,14 +37,39 @@ globalThis.GSVC ??= {};
     },
   });
 
-  const look = new GSVC.Look(screen, () => player.number);
+  const look = new GSVC.Look(screen, () => state.shown);
   const beside = new GSVC.Beside($("screen"), (canvas) => screen.place(canvas), sourceFailed);
 
+  /** Show a frame, at once or as soon as those that it needs are decoded; of several that are asked for the last one. */
   function showFrame(n) {
+    clearTimeout(state.waiting);
+    const steps = state.file.stream.frame.steps(n);
+    const goOn = () => {
+      const begun = performance.now();
+      for (;;) {
+        const { done, value } = steps.next();
+        if (done) {
+          if (player.late) $("busy").hidden = true;
+          player.late = false;
+          put(n, value);
+          return;
+        }
+        if (performance.now() - begun > GSVC.LONGEST_STEP) break;
+      }
+      player.late = true;
+      $("busy").hidden = false;
+      $("busy").textContent = `Decoding frame ${number(state.file.stream.frames[n].number)}`;
+      state.waiting = setTimeout(goOn);
+    };
+    goOn();
+  }
+
+  function put(n, decoded) {
     const { stream, times, comparison } = state.file;
     const frame = stream.frames[n];
     const time = times?.[n] ?? frame.number / player.rate;
-    screen.setFrame(stream.frame(n));
+    state.shown = n;
+    screen.setFrame(decoded);
     beside.frame(n);
     timeline.show(n);
     $("place").textContent = `${GSVC.panels.numbered(frame.number, stream.frames)}, ${frame.type}`;
@@ -111,6 +137,7 @@ globalThis.GSVC ??= {};
       for await (const piece of input.pieces(signal)) {
         signal.throwIfAborted();
         reading.append(piece);
+        if (reading.start()) await allowed(input, reading.header, signal);
         if (!live) continue;
         await GSVC.readInSteps(reading, () => {}, signal);
         grown(input, reading);
@@ -129,6 +156,27 @@ globalThis.GSVC ??= {};
       if (broken) $("live-label").hidden = true;
     }
     $("busy").hidden = true;
+  }
+
+  /** Wait until somebody asks for a stream to be decoded, if its level is too high for that to happen by itself. */
+  async function allowed(input, { level }, signal) {
+    if (level <= MOST_LEVEL || input.isAllowed) return;
+    const wasBusy = !$("busy").hidden;
+    $("busy").hidden = true;
+    $("status").textContent = ""; // the question is an alert
+    const lines = [...levelInWords(input.name, level, MOST_LEVEL), ...stillShown()];
+    $("why").replaceChildren(...lines.map((line) => element("p", {}, line)));
+    $("ask").hidden = false;
+    await new Promise((resolve, reject) => {
+      $("decode").onclick = resolve;
+      signal.addEventListener("abort", () => {
+        $("ask").hidden = true; // at once: the next one may ask as well
+        reject(signal.reason);
+      });
+    });
+    $("ask").hidden = true;
+    $("busy").hidden = !wasBusy;
+    input.isAllowed = true;
   }
 
   const stillShown = () => (state.file ? [`${state.file.input.name} is still shown.`] : []);
@@ -275,11 +323,14 @@ globalThis.GSVC ??= {};
   async function save() {
     if (!screen.frame) return;
     const { width, height, bitDepth } = screen.video;
-    const { number: at } = state.file.stream.frames[player.number];
+    const { number: at } = state.file.stream.frames[state.shown];
+    const { parameters } = screen.frame;
     const name = `${state.file.input.name.replace(/\.gsvc$/, "")}_${String(at).padStart(6, "0")}.png`;
     let file;
     try {
-      const sum = GSVC.renderSumDeterministic(screen.frame.parameters, width, height);
+      const sum = await GSVC.inSteps(GSVC.renderingSteps(parameters, width, height), (part) => {
+        $("status").textContent = `${name}: ${number(100 * part)} %`;
+      });
       file = await GSVC.png(GSVC.toFrameDeterministic(sum, bitDepth), width, height, bitDepth);
     } catch (error) { // not enough memory for a very large frame
       notice("saving", [`${name} could not be made: ${error.message}`]);

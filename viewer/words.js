@@ -89,6 +89,17 @@ globalThis.GSVC ??= {};
     return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), where, ...others];
   }
 
+  /** Why a stream of a high level is not decoded before somebody asks for it, as sentences. */
+  function levelInWords(name, level, most) {
+    const { pixels, splats } = GSVC.LEVELS[level];
+    return [
+      name,
+      `This stream is of level ${level}: a frame may have up to ${number(pixels)} pixels and ${number(splats)} splats, ` +
+        "and decoding one may take seconds.",
+      `Streams above level ${most} are decoded only when you ask for it.`,
+    ];
+  }
+
   /** An element with attributes and children; children that are texts stay texts. */
   function element(name, attributes = {}, ...children) {
     const made = document.createElement(name);
@@ -102,5 +113,5 @@ globalThis.GSVC ??= {};
     list.replaceChildren(...facts.flatMap(([term, ...told]) => [element("dt", {}, term), element("dd", {}, ...told)]));
   }
 
-  GSVC.words = { number, bytes, parameter, missingInWords, faultInWords, element, tell };
+  GSVC.words = { number, bytes, parameter, missingInWords, faultInWords, levelInWords, element, tell };
 }

@@ -67,11 +67,14 @@ class DecodedFrame:
         Its splats, (N, 8) f4.
     work
         Its rendering work (5-1).
+    base
+        Splats and work of the base, if the frame may have layers.
     """
 
     type: str
     parameters: Array
     work: int
+    base: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,8 @@ class Decoding:
     ----------
     data
         The bytes.
+    layers
+        Whether layers above the base are decoded, too, all of them.
 
     Attributes
     ----------
@@ -121,7 +126,7 @@ class Decoding:
         The fault that ended it; None while there is none.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes, *, layers: bool = False) -> None:
         self.header: Mapping[str, int] = {}
         self.count, self.fault = 0, None
         self._spec = namespace()
@@ -131,20 +136,31 @@ class Decoding:
             self.fault = _fault(fault)
             return
         self.header = self._state.header
+        if layers and self.header.get("layer_count", 1) > 1:
+            self._state.layers = self._spec["Layers"](self.header["layer_count"] - 1)
 
     def frames(self) -> Iterator[DecodedFrame]:
         """Each frame that is complete, up to the end or to the fault."""
         if self.fault is not None:
             return
-        width, height = self.header["width"], self.header["height"]
+        layers, waiting, base = self._state.layers, None, None  # a frame gets its layers up to the next one
         try:
             for frame in self._spec["read_frames"](self._bits, self._state):
-                parameters = frame["parameters"]
-                work = int(self._spec["rendering_work"](parameters, width, height)["work"])
-                self.count += 1
-                yield DecodedFrame(frame["type"], parameters, work)
+                if waiting is not None:
+                    yield self._decoded(waiting, base)
+                waiting, base = frame, None if layers is None else layers.base
         except self._spec["Fault"] as fault:
             self.fault = _fault(fault)
+        if waiting is not None:
+            yield self._decoded(waiting, base)
+
+    def _decoded(self, frame: Mapping[str, Any], base: Array | None) -> DecodedFrame:
+        self.count += 1
+        of_base = None if base is None else (len(base), self._work(base))
+        return DecodedFrame(frame["type"], frame["parameters"], self._work(frame["parameters"]), of_base)
+
+    def _work(self, parameters: Array) -> int:
+        return int(self._spec["rendering_work"](parameters, self.header["width"], self.header["height"])["work"])
 
 
 def _fault(fault: Any) -> StreamFault:

@@ -11,6 +11,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -134,7 +135,7 @@ def _known_kills(home: Path) -> list[str]:
 def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int = 0) -> int:
     """Write all vectors and COVERAGE.md to a folder; returns how many the cases make.
 
-    What a case no longer makes is removed, unless it stands in a set: such a vector stays as it is.
+    What SHA256SUMS lists and no case makes any more is removed, unless it is in a set: such a vector stays as it is.
 
     Raises
     ------
@@ -145,15 +146,20 @@ def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int
     many = len(made)
     _check_sets(folder, made)
     made |= kept(folder, made)
-    for path in sorted(folder.glob("*/*/*/*")):
-        if path.name not in made.get("/".join(path.relative_to(folder).parts[:3]), {}):
-            path.unlink()
-    for path in sorted(folder.glob("*/*/*"), reverse=True):
-        if not any(path.iterdir()):
-            path.rmdir()
+    for name in _listed(folder) - {f"{name}/{part}" for name, parts in made.items() for part in parts}:
+        (folder / name).unlink()
+        with suppress(OSError):  # other files are in it
+            (folder / name).parent.rmdir()
     write(folder, made)
     (folder / "COVERAGE.md").write_text(coverage_page(folder), encoding="utf-8")
     return many
+
+
+def _listed(folder: Path) -> set[str]:
+    """The files in a folder that its SHA256SUMS lists."""
+    files = files_in(folder)
+    lines = files[SUMS].decode().splitlines() if SUMS in files else []
+    return {line.partition("  ")[2] for line in lines} & set(files)
 
 
 def kept(folder: Path, made: Files) -> dict[str, dict[str, bytes]]:

@@ -15,12 +15,14 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_base.errors import UsageError
+from gsvc_base.folders import OwnFolder
 from gsvc_conformance.case import OWN, Case
 from gsvc_conformance.case import Inputs as CaseInputs
 from gsvc_conformance.expectations import Bounded, Expectation
 from gsvc_conformance.fitting import fit
 from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.preconditions import broken
+from gsvc_conformance.reading import MAX_TEXT
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import SUMS, Vector, files_of, from_files, manifest_bytes
 from gsvc_conformance.vector_folder import SLUG, VectorFolder
@@ -228,7 +230,13 @@ def add_vectors(folder: str | Path, vectors: Iterable[OwnVector], *, replace: bo
     if not isinstance(folder, str | Path):
         raise UsageError(f"folder is of the type {type(folder).__name__}; it must be a str or a Path")
     folder, vectors = Path(folder), _vectors(vectors)
-    sums = _sums(folder)
+    with OwnFolder(folder, mode=0o755, group=True, parents=True) as own:
+        _write(own, vectors, replace=replace)
+
+
+def _write(own: OwnFolder, vectors: list[OwnVector], *, replace: bool) -> None:
+    """Write vectors into an opened folder."""
+    folder, sums = own.path, _sums(own)
     taken = {name.rpartition("/")[0] for name in sums}
     for vector in vectors:
         if vector.id in taken and not replace:
@@ -236,14 +244,12 @@ def add_vectors(folder: str | Path, vectors: Iterable[OwnVector], *, replace: bo
         taken.add(vector.id)
     for vector in vectors:
         for name in [name for name in sums if name.startswith(f"{vector.id}/")]:
-            (folder / name).unlink(missing_ok=True)
+            own.remove(name)
             del sums[name]
-        home = folder / vector.id
-        home.mkdir(parents=True, exist_ok=True)
         for part, data in vector.files.items():
-            (home / part).write_bytes(data)
+            own.write(f"{vector.id}/{part}", data)
             sums[f"{vector.id}/{part}"] = hashlib.sha256(data).hexdigest()
-    (folder / SUMS).write_bytes("".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode())
+    own.write(SUMS, "".join(f"{sums[name]}  {name}\n" for name in sorted(sums)).encode())
 
 
 def _vectors(given: Iterable[OwnVector]) -> list[OwnVector]:
@@ -263,7 +269,7 @@ def _vectors(given: Iterable[OwnVector]) -> list[OwnVector]:
     return vectors
 
 
-def _sums(folder: Path) -> dict[str, str]:
+def _sums(own: OwnFolder) -> dict[str, str]:
     """The hash of each file that a folder of own vectors lists.
 
     Raises
@@ -271,16 +277,13 @@ def _sums(folder: Path) -> dict[str, str]:
     UsageError
         It holds something else, or is damaged.
     """
-    if not folder.exists():
-        folder.mkdir(parents=True)
-    if not folder.is_dir():
-        raise UsageError(f"{folder} is a file; give a folder for own vectors")
-    if not (folder / SUMS).exists():
-        if any(folder.iterdir()):
+    folder, names = own.path, own.names()
+    if SUMS not in names:
+        if names:
             raise UsageError(f"{folder} is not empty and holds no vectors (no {SUMS}): give a new folder")
         return {}
     there = VectorFolder(folder)
     if foreign := [name for name in there.names if not name.startswith(f"{OWN}/")]:
         raise UsageError(f"{folder} has vectors that are not yours, such as {foreign[0]}: give a folder of your own")
-    lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+    lines = own.read(SUMS, MAX_TEXT).decode().splitlines()
     return {name: digest for digest, name in (line.split("  ") for line in lines)}

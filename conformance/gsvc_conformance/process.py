@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
+from gsvc_base.folders import StrangeFileError, read_regular
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
-from gsvc_conformance.reading import MAX_BYTES, parse_npy, read_bytes
+from gsvc_conformance.reading import MAX_BYTES, parse_npy
 from gsvc_conformance.scratch import TooMuchError, held_bytes, remove
 from gsvc_conformance.supervision import Log, Program
 from gsvc_conformance.vector import npy
@@ -164,13 +165,21 @@ def exchange(inputs: Values) -> Iterator[Exchange]:
 
 
 def write_inputs(folder: Path, inputs: Values) -> None:
-    """Write the inputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
-    for name, value in inputs.items():
+    """Write the inputs of an operation as files."""
+    for name, data in files_of(inputs).items():
+        (folder / name).write_bytes(data)
+
+
+def files_of(values: Values) -> dict[str, bytes]:
+    """Inputs or outputs of an operation as files: NAME.gsvc for streams, NAME.npy for all else."""
+    files = {}
+    for name, value in values.items():
         if isinstance(value, bytes):
-            (folder / f"{name}.gsvc").write_bytes(value)
+            files[f"{name}.gsvc"] = value
         else:
             dtype = {int: "<i8", float: "<f8"}.get(type(value))
-            (folder / f"{name}.npy").write_bytes(npy(np.asarray(value, dtype)))
+            files[f"{name}.npy"] = npy(np.asarray(value, dtype))
+    return files
 
 
 def read_output(folder: Path, port: Port) -> NDArray[Any] | str | bytes:
@@ -190,17 +199,15 @@ def read_output(folder: Path, port: Port) -> NDArray[Any] | str | bytes:
 
 
 def _read_file(path: Path, most: int) -> bytes:
-    """An output, which must not be a link."""
-    if path.is_symlink():
-        raise ValueError(f"{path.name} is a link; it must be an ordinary file")
+    """An output, which must be a regular file and not a link."""
     try:
-        return read_bytes(path, most)
+        return read_regular(path, most)
     except FileNotFoundError:
         raise ValueError(f"there is no {path.name}") from None
+    except (StrangeFileError, UsageError) as error:
+        raise ValueError(str(error).replace(str(path), path.name)) from None
     except OSError as error:
         raise ValueError(f"{path.name} cannot be read: {error.strerror}") from None
-    except UsageError as error:  # the folder is gone when somebody reads it
-        raise ValueError(str(error).replace(str(path), path.name)) from None
 
 
 def signal_name(number: int) -> str:

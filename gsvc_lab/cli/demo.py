@@ -15,6 +15,7 @@ from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import decibel, duration, show
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_base.folders import prepare_folder
 from gsvc_ref.cli.encode_text import summary
 from gsvc_ref.cli.files import describe_format
 from gsvc_tools.cli.encode_progress import progress_callback
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
 
 COMMAND: Final = "gsvc demo"
 DECODE: Final = "decode in a second process"
+RECORD: Final = "demo.json"
+"""The file that lists the pictures of the last demo."""
 
 INTRODUCTION: Final = (
     "The built-in clip: a hand-held camera over two photographs, with a ball in front and one cut. It was encoded with "
@@ -85,7 +88,8 @@ class Demo:
         from gsvc_lab.pages.report import write_report
 
         begin = time.perf_counter()
-        self.folder.mkdir(exist_ok=True)
+        frames = (f"{self.decoded.name}/frame_{number:06}.png" for number in range(self.arguments.length))
+        prepare_folder(self.folder, RECORD, frames)
         self._draw()
         encoded = self._encode()
         if encoded.interrupted:
@@ -130,12 +134,9 @@ class Demo:
 
     def _decode_in_second_process(self) -> None:
         """Run ``gsvc decode`` as a program of its own, which knows nothing but the file."""
-        for picture in self.decoded.glob("frame_*.png"):  # of the last demo
-            picture.unlink()
         command = [sys.executable, "-m", "gsvc_ref", "decode", str(self.clip), str(self.decoded), "--quiet"]
         if self.arguments.threads is not None:
             command += ["--threads", str(self.arguments.threads)]
-        self.decoded.mkdir(exist_ok=True)
         with self._timed(DECODE), ProgressDisplay(quiet=self.arguments.quiet) as display:
             display.status("decoding in a second process …")
             result = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False)

@@ -152,9 +152,9 @@ class Base(Checked):
 
 
 def _read_image(path: Path) -> F4:
-    from gsvc_ref.video.images import decode_image
+    from gsvc_ref.video.images import read_image
 
-    image = decode_image(path.read_bytes(), str(path))
+    image = read_image(path, str(path))
     height, width, _ = image.frame.shape
     if height * width > MAX_IMAGE_PIXELS:
         raise GsvcError(

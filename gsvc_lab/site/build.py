@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterable, Sequence
 from importlib import resources
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Final
 
 from gsvc_lab.pages.narrow import twin_source, write_twin
@@ -80,6 +81,15 @@ def _figure(image: re.Match[str], twins: Collection[str]) -> str:
     if image[1] in twins:
         return f"<picture>{twin_source(image[1])}{image[0]}</picture>"
     return f'<span class="figure" tabindex="0">{image[0]}</span>'
+
+
+def built(root: Path) -> tuple[int, dict[str, bytes]]:
+    """How many pages the site of a checkout has, and its files by name."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        count = Site(root).write(folder)
+        files = (path for path in folder.rglob("*") if path.is_file())
+        return count, {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 class Site:

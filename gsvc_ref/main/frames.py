@@ -14,7 +14,9 @@ from gsvc_base.arrays import I8
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.coder import ENTROPY_CODER, RUN_PARTS, Coder
+from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.rans import LOWEST_STATE
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.cells import code_cells, halving_count
 from gsvc_ref.main.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
 from gsvc_ref.main.densities import (
@@ -62,6 +64,16 @@ class MainState:
     def splats(self) -> Splats:
         """The splats of the frame before, in binary32 (15-5)."""
         return to_splats(self.values)
+
+    @cached_property
+    def work(self) -> int:
+        """The rendering work of these splats in pairs (5-1)."""
+        return rendering_work(self.splats, self.width, self.height)
+
+    @cached_property
+    def checksum(self) -> int:
+        """The `parameter_checksum` of these splats."""
+        return parameter_checksum(self.splats)
 
 
 @dataclass(frozen=True, eq=False)

@@ -100,13 +100,20 @@ class Layers:
         return self.base is not None and not self.closed
 
     @property
-    def splats(self) -> Splats:
-        """The splats of the frame: those of the base, and after them those of the layers in their order."""
+    def parts(self) -> tuple[MainState, ...]:
+        """The states whose splats the frame shows: that of the base, then those of the layers in their order."""
         assert self.base is not None
-        splats = self.base.splats
-        for state in self.there.values():
-            splats = splats.append(state.splats)
-        return splats
+        return self.base, *self.there.values()
+
+    @property
+    def splats(self) -> Splats:
+        """The splats of the frame, joined when they are asked for."""
+        return Splats.joined([state.splats for state in self.parts])
+
+    @property
+    def work(self) -> int:
+        """The rendering work of the frame; each state knows its own, so that a layer that repeats costs nothing."""
+        return sum(state.work for state in self.parts)
 
     def others(self, layer: int) -> int:
         """The number of splats of the base and of all layers but one."""
@@ -119,7 +126,7 @@ class Layers:
 
 
 def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHead | None = None) -> LayerHead:
-    """The elements of layer() in front of its body (R-15.13-1, R-15.13-2).
+    """The elements of layer() in front of its body (R-15.13-1, R-15.13-2), with R-5-2 of a layer that has no body.
 
     Parameters
     ----------
@@ -132,7 +139,7 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
     given
         What a Writer writes.
     """
-    head = given or LayerHead(0, "I")
+    head, limits = given or LayerHead(0, "I"), header.limits
     with s.part("frame_header"):
         layer = s.le("layer", 1, head.layer)
         if not layers.last < layer < header.layer_count:
@@ -150,6 +157,9 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
             if layer in layers.lost:
                 return LayerHead(layer, None)
             s.fail("R-15.13-2", f"layer {layer} goes on with {layer_type}, and it is not there: it must begin with I")
+        if layer_type == "R" and (count := len(layers.before[layer].values) + layers.others(layer)) > limits.splats:
+            message = f"with layer {layer} repeated the frame has {count} splats"
+            s.fail("R-5-2", f"{message}; level {header.level} allows {limits.splats}")  # R-15.13-3
     if not header.parameter_checksum_flag:
         return LayerHead(layer, layer_type)
     with s.part("checksums"):

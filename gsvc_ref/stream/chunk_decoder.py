@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 from gsvc_base.errors import GsvcError
-from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Bytes, Element, categories_of, encode_uv
@@ -15,7 +14,6 @@ from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.bitstream.times import TIMES, read_times, times
-from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.frames import Body, MainState
 from gsvc_ref.main.layers import Layers, layer_body, layer_head
 from gsvc_ref.paper import FrameType
@@ -38,6 +36,7 @@ class Place:
     index_length: int = 0  # bytes of the chunk directly before, if that is an index
     frame_end: int = 0  # offset of the end of the last frame's chunk, or of the sequence header
     work: int = 0  # rendering work of the frame before, in pairs
+    checksum: int | None = None  # `parameter_checksum` of the frame before, if the stream has some
     pace: Pace | None = None
     """What a paced stream has used of its second. It counts as long as it expects the frame that comes next: not after
     seeking, nor after a gap. None: not checked."""
@@ -152,7 +151,8 @@ class ChunkDecoder:
             if place.layers is not None:
                 assert isinstance(state, MainState)
                 layers = place.layers.after(frame_type, state)
-            after = Place(after.offset, state, place.next_number + 1, 0, after.offset, work, pace, layers)
+            number, offset = place.next_number + 1, after.offset
+            after = Place(offset, state, number, 0, offset, work, checksum, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
@@ -183,9 +183,8 @@ class ChunkDecoder:
         body = layer_body(p, self.header, before, head.layer, head.type)
         _check_filled(p)
         layers = before.with_layer(head.layer, body.after)
-        work = rendering_work(layers.splats, self.header.width, self.header.height)
-        self._check_work(work, place)
-        self._check_checksum(head.checksum, body.after.splats, head.checksum_bit)
+        self._check_work(layers.work, place)
+        _check_checksum(head.checksum, lambda: body.after.checksum, head.checksum_bit)
         return layers, _Layer(head.layer, body)
 
     def check_nothing_follows(self, place: Place) -> None:
@@ -231,10 +230,13 @@ class ChunkDecoder:
             state = parsed.reconstruct()
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
-        repeated = state is place.state  # an R-frame has the work of the frame before
-        work = place.work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
+        repeated = state is place.state  # an R-frame has the work and the checksum of the frame before
+        work = place.work if repeated else self._profile.work(state)
         self._check_work(work, place)
-        self._check_checksum(checksum, state.splats, p.first_bit + 8 * len(encode_uv(place.next_number)))
+        checksum_bit = p.first_bit + 8 * len(encode_uv(place.next_number))
+        _check_checksum(
+            checksum, lambda: place.checksum if repeated else parameter_checksum(state.splats), checksum_bit
+        )
         return state, work
 
     def _check_work(self, work: int, place: Place) -> None:
@@ -242,16 +244,12 @@ class ChunkDecoder:
             message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
             raise broken("R-5-4", message, 8 * place.offset)
 
-    def _check_checksum(self, checksum: int | None, splats: Splats, bit: int) -> None:
-        if checksum is not None and checksum != parameter_checksum(splats):
-            raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", bit)
-
     def _decoded_frame(self, codes: AnyCodes, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
-        size, state, layers = after.offset - place.offset, after.state, after.layers
-        splats = state.splats if layers is None or not layers.there else layers.splats
+        size, state = after.offset - place.offset, after.state
         return DecodedFrame(
-            place.next_number, codes.type, codes, splats, self._spent(bits), place.offset, size, state, (), layers
-        )
+            place.next_number, codes.type, codes, state.splats, self._spent(bits), place.offset, size, state, (),
+            after.layers,
+        )  # fmt: skip
 
     def _decoded_layer(self, found: "_Layer", bits: Counter[str], place: Place, after: Place) -> DecodedLayer:
         assert after.layers is not None
@@ -307,6 +305,12 @@ class ChunkDecoder:
 def payload_reader(s: Reader, payload: Bytes, trace: Callable[[Element], None] | None = None) -> Reader:
     """The Reader of the payload of the chunk that `s` has just read."""
     return Reader(payload, first_bit=s.position - chunks.CRC_BITS - 8 * len(payload), trace=trace)
+
+
+def _check_checksum(stated: int | None, true: Callable[[], int | None], bit: int) -> None:
+    """R-6.4-3, where a checksum is stated."""
+    if stated is not None and stated != true():
+        raise broken("R-6.4-3", "`parameter_checksum` is not that of the reconstructed splats", bit)
 
 
 def check_complete(s: Reader, end: int, size: int) -> None:

@@ -1,6 +1,7 @@
 """The results of reading: frames, gaps, and the account of a whole stream."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final
 
 from gsvc_base.arrays import I8
@@ -40,7 +41,7 @@ class DecodedFrame:
     number: int  # `frame_number`, 0 for the first
     type: FrameType
     codes: AnyCodes  # those that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of `main`
-    splats: Splats  # bit for bit those of the encoder; those of the base, then those of the layers that are decoded
+    base: Splats  # of the base, which is all there is without layers
     bits: dict[str, int]  # of the chunk by category (`categories_of` the profile); together 8 · `size`
     offset: int  # of the chunk, in bytes from the start of the stream
     size: int  # of the chunk, in bytes
@@ -50,15 +51,25 @@ class DecodedFrame:
     # The layers of the frame with their states; None where only the base is decoded.
     layers: Layers | None = field(default=None, compare=False, repr=False)
 
+    @cached_property
+    def splats(self) -> Splats:
+        """Bit for bit those of the encoder: those of the base, then those of the layers that are decoded."""
+        return self.base if self.layers is None else self.layers.splats
+
+    @property
+    def parts(self) -> tuple[AnyState, ...]:
+        """The states of the base and of the layers, those without splats left out."""
+        parts = (self.state,) if self.layers is None else self.layers.parts
+        return tuple(part for part in parts if len(part.splats))
+
     def with_layer(self, chunk: DecodedLayer) -> "DecodedFrame":
         """The frame with one more of its layers."""
-        return replace(self, splats=chunk.layers.splats, chunks=(*self.chunks, chunk), layers=chunk.layers)
+        return replace(self, chunks=(*self.chunks, chunk), layers=chunk.layers)
 
     def repeats(self, before: "DecodedFrame") -> bool:
-        """Whether it has the very splats of the frame `before`: an R-frame with no chunks of layers."""
-        if self.type != "R":
-            return False
-        return self.layers is None or (before.layers is not None and self.layers.there is before.layers.there)
+        """Whether it has the very splats of the frame `before`: base and layers repeat, or have none."""
+        ours, theirs = self.parts, before.parts
+        return len(ours) == len(theirs) and all(one is other for one, other in zip(ours, theirs, strict=True))
 
     def origins(self, before: "DecodedFrame") -> I8 | None:
         """For each splat its index in the frame `before`, or -1 if it is new, (N,) i8; None if all of them are.

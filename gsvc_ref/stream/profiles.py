@@ -12,6 +12,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import frame_codes
 from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
+from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
@@ -53,6 +54,9 @@ class Profile(Protocol):
     def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
         """Read the rest of the payload of a frame."""
 
+    def work(self, state: AnyState) -> int:
+        """The rendering work of the splats of a state in pairs (5-1)."""
+
     def prepare(
         self,
         make_writer: MakeWriter,
@@ -78,6 +82,9 @@ class _Paper:
         assert isinstance(before, State)
         codes = frame_codes(p, header, before, frame_type)
         return Parsed(codes, lambda: reconstruct(codes, before))
+
+    def work(self, state: AnyState) -> int:
+        return rendering_work(state.splats, state.width, state.height)
 
     def prepare(
         self,
@@ -106,6 +113,10 @@ class _Main:
             return Parsed(MainCodes.repeated_frame(), lambda: before)
         body = frame_body(p, frame_type, before, header.lane_count, header.limits.splats)
         return Parsed(body.codes, lambda: body.after)
+
+    def work(self, state: AnyState) -> int:
+        assert isinstance(state, MainState)
+        return state.work
 
     def prepare(
         self,

@@ -13,7 +13,6 @@ from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head
 from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
-from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head
@@ -123,7 +122,7 @@ class StreamWriter:
         prepared = self._profile.prepare(self._make_writer, self.header, self.state, codes, state)
         state = prepared.state
         repeated = state is self.state
-        work = self._work if repeated else rendering_work(state.splats, self.header.width, self.header.height)
+        work = self._work if repeated else self._profile.work(state)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"
             raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
@@ -172,13 +171,13 @@ class StreamWriter:
         body = self._make_writer(0)
         state = layer_body(body, header, before, layer, codes.type, codes).after
         after = before.with_layer(layer, state)
-        work = rendering_work(after.splats, header.width, header.height)
+        work = after.work
         if work > header.limits.work:
             limit = f"level {header.level} allows {header.limits.work}"
             raise UsageError(
                 f"rendering frame {self.frame_count - 1} with layer {layer} takes {work} pairs; {limit} (R-5-4)"
             )
-        checksum = parameter_checksum(state.splats) if header.parameter_checksum_flag else None
+        checksum = state.checksum if header.parameter_checksum_flag else None
 
         def content(p: Writer) -> None:
             layer_head(p, header, before, LayerHead(layer, codes.type, checksum))
@@ -188,7 +187,7 @@ class StreamWriter:
         bits = self._append(s, payload_bits)
         self.layers = after
         splats = before.others(layer) + len(codes.modes) + codes.intra_count
-        self._most_splats = max(self._most_splats, splats, len(after.splats))
+        self._most_splats = max(self._most_splats, splats, before.others(layer) + len(state.values))
         self._most_work = max(self._most_work, work)
         self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
         spent = {category: bits[category] for category in self._categories if bits[category]}

@@ -15,7 +15,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError, naming
-from gsvc_base.files import PartialFile, check_parent, remove_leftover
+from gsvc_base.files import PartialFile, check_parent, remove_leftovers
 from gsvc_ref.video.alpha import Background
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
@@ -23,6 +23,8 @@ from gsvc_ref.video.stream import VideoReader, VideoWriter
 
 JPEG_SIGNATURE: Final = b"\xff\xd8\xff"
 SUFFIXES: Final = (".png", ".jpg", ".jpeg")
+MAX_FILE: Final = 1 << 30
+"""Maximum number of bytes of a picture's file, which is read at once."""
 GAPS_NAMED: Final = 4
 """Gaps in the numbers of pictures that a note names."""
 ASSUMED_RATE: Final = Fraction(25)
@@ -76,6 +78,15 @@ def decode_image(data: bytes, name: str, background: Background | None = None) -
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
 
 
+def read_image(path: Path, name: str, background: Background | None = None) -> PngImage:
+    """Decode a PNG or JPEG file, which is called `name`; what is no file, or larger than MAX_FILE, is not read."""
+    if not path.is_file():
+        raise UsageError(f"{name} is not a regular file; give a PNG or JPEG picture")
+    if (size := path.stat().st_size) > MAX_FILE:
+        raise GsvcError("limit", f"{name} has {size} bytes; a picture takes at most {MAX_FILE}: export it again")
+    return decode_image(path.read_bytes(), name, background)
+
+
 class ImageReader(VideoReader):
     """A reader of pictures as the frames of a video: files in order, or the contents of one; at least one.
 
@@ -98,8 +109,11 @@ class ImageReader(VideoReader):
 
     def _load(self, index: int) -> PngImage:
         source = self._sources[index]
-        data = source.read_bytes() if isinstance(source, Path) else source
-        image = decode_image(data, self._label(index), self._background)
+        name, background = self._label(index), self._background
+        if isinstance(source, Path):
+            image = read_image(source, name, background)
+        else:
+            image = decode_image(source, name, background)
         for sentence in image.notes:
             self.note(sentence)
         return image
@@ -167,8 +181,7 @@ class ImageFolderWriter(VideoWriter):
         elif list_images(folder):
             raise UsageError(f"the folder {folder} holds pictures already; give a new or empty folder, or remove them")
         else:
-            for path in folder.glob(".frame_*.png.*.part"):
-                remove_leftover(path)
+            remove_leftovers(folder, "frame_*.png")
         self._folder = folder
         self._written: list[Path] = []
 

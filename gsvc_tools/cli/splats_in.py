@@ -175,10 +175,12 @@ def _opened(arguments: Namespace, lost: list[str]) -> _SplatFrames:
     from gsvc_tools.splat_files import NpzSplats
 
     inputs = [Path(name) for name in arguments.inputs]
+    files = [file for path in inputs for file in (_ply_files(path) if path.is_dir() else [path])]
+    if odd := next((file for file in files if not file.is_file()), None):  # a pipe would be waited for
+        raise UsageError(f"{odd} is not a regular file; give an NPZ file or PLY files")
     if len(inputs) == 1 and inputs[0].suffix.lower() == ".npz":
         splats = NpzSplats(inputs[0])
         return _SplatFrames(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
-    files = [file for path in inputs for file in (_ply_files(path) if path.is_dir() else [path])]
     if wrong := next((file for file in files if file.suffix.lower() != ".ply"), None):
         raise UsageError(
             f"{wrong} is neither one NPZ file nor PLY; give OUT.gsvc last, and files of one kind before it"

@@ -4,17 +4,19 @@ import os
 import sys
 import time
 from argparse import Namespace
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, NoReturn
 
-from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.arguments import amount_of_bytes, whole
 from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
-from gsvc_base.cli.text import show
+from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import MAGIC_RULE, STDIO, add_background, check_input, display_name, open_stream
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
+    from gsvc_tools.viewing.entrance import Entrance
     from gsvc_tools.viewing.server import Server
     from gsvc_tools.viewing.source_frames import SourceFrames
     from gsvc_tools.viewing.streams import StreamBytes
@@ -22,6 +24,8 @@ if TYPE_CHECKING:
 GSVC_VIEW: Final = "gsvc view"
 LOOK_S: Final = 0.5
 """Seconds between two looks at what comes."""
+BROWSER_S: Final = 15.0
+"""Seconds after which a browser that has not come is not expected any more."""
 
 
 def add_command(commands: Any) -> None:
@@ -35,7 +39,9 @@ def add_command(commands: Any) -> None:
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
-    parser.add_argument("input", metavar="FILE", help="a .gsvc file, or - for standard input, which is live")
+    parser.add_argument(
+        "input", metavar="FILE", help="a .gsvc file, or - for standard input, which is live and read to its end chunk"
+    )
     parser.add_argument(
         "source", metavar="SOURCE", nargs="?",
         help="the video that it was encoded from: anything that gsvc encode reads, except a pipe",
@@ -50,21 +56,27 @@ def add_command(commands: Any) -> None:
     )  # fmt: skip
     add_background(parser)
     parser.add_argument("--port", type=whole, default=0, metavar="P", help="the port; default: one that is free")
+    parser.add_argument(
+        "--max-bytes", type=amount_of_bytes, metavar="BYTES",
+        help="of standard input, keep at most this many bytes in a temporary file, as 500M (default 4Gi); of a longer "
+        "one, the page shows these",
+    )  # fmt: skip
 
 
 def run(arguments: Namespace) -> int:
     """Serve until Ctrl-C; 130, as of every command that it ends."""
     _check(arguments)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
+    from gsvc_tools.viewing.entrance import Entrance
     from gsvc_tools.viewing.server import Viewing, serving
 
     with compilation_notice(GSVC_VIEW, silent=arguments.no_browser):
         stream, source = _opened(arguments)
     try:
         name = "standard input" if arguments.input == STDIO else Path(arguments.input).name
-        with serving(Viewing(name, stream, source), arguments.port) as server:
-            _introduce(arguments, server)
-            _watch(arguments.input, stream)
+        with serving(Viewing(name, stream, source), arguments.port) as server, closing(Entrance()) as entrance:
+            _introduce(arguments, server, entrance)
+            _watch(arguments.input, stream, server, entrance)
     except KeyboardInterrupt:
         say(GSVC_VIEW, "ended; the page goes on with what it has read")
         return EXIT_INTERRUPTED
@@ -74,11 +86,11 @@ def run(arguments: Namespace) -> int:
             source.close()
 
 
-def _watch(name: str, stream: "StreamBytes") -> NoReturn:
-    """Wait for Ctrl-C, and look at what comes until it is known to be a stream."""
+def _watch(name: str, stream: "StreamBytes", server: "Server", entrance: "Entrance") -> NoReturn:
+    """Wait for Ctrl-C, and look at what comes: whether it is a stream, and whether the browser is there."""
     from gsvc_ref.bitstream.chunks import MAGIC
 
-    known = not stream.live
+    known, limit_told, patience = not stream.live, False, BROWSER_S
     while True:
         time.sleep(LOOK_S)
         if stream.fault is not None:
@@ -86,6 +98,15 @@ def _watch(name: str, stream: "StreamBytes") -> NoReturn:
         if not known and (known := stream.size() >= len(MAGIC)) and stream.read(0, len(MAGIC)) != MAGIC:
             message = f"{display_name(name)} is no GSVC stream; encode a video first: gsvc encode IN - --live"
             raise GsvcError("malformed", message, rule=MAGIC_RULE, bit=0)
+        if stream.is_full and not limit_told:
+            limit_told = True
+            kept = f"{display_name(name)} has more than {plural(stream.size(), 'byte')}"
+            say(GSVC_VIEW, f"{kept}: the page shows these, and the rest is not read; a greater --max-bytes keeps more")
+        if server.is_known.is_set():
+            entrance.close()
+        elif entrance.is_open() and 0 < patience <= LOOK_S:
+            say(GSVC_VIEW, "no browser has asked for the page so far; if none shows it, open the address above in one")
+        patience -= LOOK_S
 
 
 def _check(arguments: Namespace) -> None:
@@ -93,6 +114,8 @@ def _check(arguments: Namespace) -> None:
         raise UsageError(f"--port is {arguments.port}; a port is a number from 1 to 65535")
     if arguments.source_from < 0 or (arguments.source_from and arguments.source is None):
         raise UsageError(f"--source-from is {arguments.source_from}; it is the number of a frame of SOURCE, 0 or more")
+    if arguments.max_bytes is not None and arguments.input != STDIO:
+        raise UsageError("--max-bytes is about standard input; a file is read where it is, so leave it out")
     waits = arguments.live and arguments.input != STDIO and not Path(arguments.input).exists()
     if not waits:
         check_input(arguments.input)
@@ -108,7 +131,7 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
     """The stream, which must be one unless it is live, and the source, which must fit it."""
     from gsvc_ref.video import open_video
     from gsvc_tools.viewing.source_frames import SourceFrames
-    from gsvc_tools.viewing.streams import GrowingFile, Pipe, WholeFile
+    from gsvc_tools.viewing.streams import MOST_PIPED_BYTES, GrowingFile, Pipe, WholeFile
 
     live = arguments.live or arguments.input == STDIO
     if not live:
@@ -121,7 +144,7 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
     if arguments.source is not None:
         source = SourceFrames(arguments.source, arguments.source_from, background=arguments.background)
     if arguments.input == STDIO:
-        return Pipe(sys.stdin.buffer), source
+        return Pipe(sys.stdin.buffer, arguments.max_bytes or MOST_PIPED_BYTES), source
     return (GrowingFile if live else WholeFile)(Path(arguments.input)), source
 
 
@@ -137,7 +160,7 @@ def _check_fits(arguments: Namespace, video: "VideoFormat", source: "VideoFormat
             )
 
 
-def _introduce(arguments: Namespace, server: "Server") -> None:
+def _introduce(arguments: Namespace, server: "Server", entrance: "Entrance") -> None:
     """Say where it is, and open the browser."""
     if arguments.no_browser:
         show(server.url)
@@ -146,11 +169,11 @@ def _introduce(arguments: Namespace, server: "Server") -> None:
     show(f"{display_name(arguments.input)}{beside}: {server.url}", "  Ctrl-C ends it")
     if arguments.live and not Path(arguments.input).exists() and arguments.input != STDIO:
         show(f"  note: {arguments.input} is not there yet; it is shown as soon as gsvc encode --live writes it")
-    for note in _open_browser(server):
+    for note in _open_browser(server, entrance):
         show(f"  note: {note}")
 
 
-def _open_browser(server: "Server") -> list[str]:
+def _open_browser(server: "Server", entrance: "Entrance") -> list[str]:
     """Open it, if there is one here for people to see; else sentences that say what to do."""
     import webbrowser
 
@@ -160,7 +183,14 @@ def _open_browser(server: "Server") -> list[str]:
             f"no browser is opened, since {reason}; on the machine that you sit at, "
             f"ssh -L {port}:127.0.0.1:{port} HOST, and open the address there"
         ]
-    if not webbrowser.open(server.url):
+    try:
+        page = entrance.lead_to(server.url)
+    except OSError as error:
+        return [
+            f"no browser is opened, since no page can be written for it ({error.strerror}): open the address in one"
+        ]
+    if not webbrowser.open(page.as_uri()):
+        entrance.close()
         return ["no browser was found: open the address in one"]
     return []
 

@@ -1,13 +1,16 @@
 """An encoded group of pictures as bytes and back, so that another encode can go on with it.
 
 It is a `.gsvc` stream: its frames with their layers, and after each frame a private chunk with the rest of its
-`EncodedFrame`, as JSON. So the decoder reads it, which takes any bytes, and every chunk has a checksum.
+`EncodedFrame`, as JSON. So the decoder reads it, which takes any bytes, and every chunk has a checksum. The last
+private chunk says which group of which folder it is, and has the SHA-256 of all chunks between the sequence header and
+itself, so that frames and records of different groups do not get mixed.
 """
 
 import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from hashlib import sha256
 from io import BytesIO
 from typing import Any, Final
 from uuid import UUID
@@ -43,11 +46,14 @@ class GroupWriter:
     ----------
     header
         The sequence header of the encode.
+    mark, first
+        The mark of the folder, and the number of the first frame of the group.
     """
 
-    def __init__(self, header: SequenceHeader) -> None:
-        self._file = BytesIO()
+    def __init__(self, header: SequenceHeader, mark: str, first: int) -> None:
+        self._file, self._place = BytesIO(), (mark, first)
         self._writer = StreamWriter(self._file, header, index=False)
+        self._begin = self._writer.offset
 
     def add(self, encoded: EncodedFrame, seconds: float, digest: str) -> None:
         """Add a frame, the seconds that it took, and the digest of its source.
@@ -74,7 +80,10 @@ class GroupWriter:
 
     def finish(self, decided: tuple[int, ...]) -> bytes:
         """The bytes of the group, with what the first frame of the stream has decided."""
-        self._writer.finish((GROUP_RECORD, OURS + json.dumps({"decided": decided}).encode()))
+        mark, first = self._place
+        chunks = sha256(self._file.getbuffer()[self._begin :]).hexdigest()
+        record = {"decided": decided, "mark": mark, "first": first, "chunks": chunks}
+        self._writer.finish((GROUP_RECORD, OURS + json.dumps(record).encode()))
         return self._file.getvalue()
 
 
@@ -104,6 +113,8 @@ class KeptGroup:
     ----------
     header
         The sequence header.
+    place
+        The mark of the folder that it is kept in, and the number of its first frame.
     decided
         What the first frame of the stream has decided.
     digests
@@ -117,15 +128,18 @@ class KeptGroup:
 
     def __init__(self, data: bytes) -> None:
         self._records: list[_Record] = []
-        decided: Any = None
+        whole: dict[str, Any] = {}
         for kind, record in _records(data):
             if kind == FRAME_RECORD:
                 self._records.append(_record(record))
             else:
-                decided = record.get("decided")
-        if not isinstance(decided, list) or not all(_is_count(number) for number in decided):
+                whole = record
+        decided, mark, first = (whole.get(name) for name in ("decided", "mark", "first"))
+        if not (
+            isinstance(decided, list) and all(map(_is_count, decided)) and isinstance(mark, str) and _is_count(first)
+        ):
             raise GsvcError("malformed", NOT_A_GROUP)
-        self.decided: tuple[int, ...] = tuple(decided)
+        self.decided, self.place = tuple(decided), (mark, first)
         self.digests = [record.digest for record in self._records]
         reader = StreamReader(data, layer=None)
         if reader.frame_count != len(self._records):
@@ -170,14 +184,27 @@ def _layers(frame: DecodedFrame, psnr: tuple[float, ...]) -> tuple[EncodedLayer,
 
 
 def _records(data: bytes) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The type and the contents of each private chunk; every chunk of the stream is read."""
+    """The type and the contents of each private chunk; every chunk of the stream is read.
+
+    Raises
+    ------
+    GsvcError
+        The record of the group is not the last chunk, or the chunks before it are not those of which it tells.
+    """
     decoder = ChunkDecoder(Source(data))
     place, kind = decoder.first, 0
     while kind != END_TYPE:
+        before = kind
         _, kind, payload = decoder.read(place)
-        place = decoder.hop(place)[1]
+        if (chr(before) == GROUP_RECORD) != (kind == END_TYPE):
+            raise GsvcError("malformed", NOT_A_GROUP)
         if chr(kind) in (FRAME_RECORD, GROUP_RECORD):
-            yield chr(kind), _parsed(bytes(payload.raw("payload", payload.bytes_left)))
+            record = _parsed(bytes(payload.raw("payload", payload.bytes_left)))
+            chunks = memoryview(data)[decoder.first.offset : place.offset]
+            if chr(kind) == GROUP_RECORD and record.get("chunks") != sha256(chunks).hexdigest():
+                raise GsvcError("malformed", "its frames are not those that its records are of")
+            yield chr(kind), record
+        place = decoder.hop(place)[1]
 
 
 def _parsed(payload: bytes) -> dict[str, Any]:
@@ -207,7 +234,7 @@ def _record(fields: dict[str, Any]) -> _Record:
             digest, _seconds(fields["seconds"]), _psnr(fields["psnr"]), fields["iterations"], stages, decisions,
             reason, tuple(_psnr(one) for one in fields["layers"]),
         )  # fmt: skip
-    except (ValueError, TypeError, KeyError, AttributeError):
+    except (ValueError, TypeError, KeyError, AttributeError, OverflowError):  # no float is so large
         raise GsvcError("malformed", NOT_A_GROUP) from None
 
 

@@ -2,22 +2,24 @@
 
 A folder belongs to one encode: `ABOUT` in it says which source, settings and code it is of, and any other is refused.
 Each group has a file, named by the number of its first frame, which has its name only when it is complete and on
-the disk. What is in a file is believed only if the source of each of its frames has the same digest now.
+the disk. What is in a file is believed only if it says that it is this group of this folder, and the source of each of
+its frames has the same digest now. `OwnFolder` says whose folder it must be, and does all that is done in it.
 """
 
 import json
+import secrets
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, Final
 
 import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_base.files import complete_file, remove_leftover, try_lock
+from gsvc_base.folders import OwnFolder, StrangeFileError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
@@ -35,8 +37,11 @@ ABOUT: Final = "encode.json"
 LOCK: Final = "lock"
 """The file that is locked while an encode uses the folder."""
 
-MAX_ABOUT: Final = 1 << 20
-"""Maximum number of bytes of ABOUT; that of gsvc_ref has about 4,000."""
+MARK: Final = "mark"
+"""The member of ABOUT that each of its groups repeats: a random text."""
+
+MAX_GROUP: Final = 1 << 30
+"""Maximum number of bytes of a group that is kept."""
 
 SHORT: Final = 40
 """Maximum length of the values of a setting that are named if they differ."""
@@ -91,40 +96,42 @@ class Keeper:
         self.is_sound: Callable[[], bool] = lambda: True
         self.frames = self.groups = 0
         self._faults: list[str] = []
-        self._is_full = False
-        folder.mkdir(exist_ok=True)
-        self._lock = self._locked()
+        self._ours: set[str] = set()
+        self._is_full = self._is_removed = False
         try:
-            self._check(about)
+            self._files = OwnFolder(folder, ABOUT, lock=LOCK)
+        except BlockingIOError:
+            raise UsageError(f"another encode keeps its groups in {folder}: wait for its end, or end it") from None
+        try:
+            self.mark = self._check(about)
+        except OSError:
+            self.close()
+            raise
         except BaseException:
-            self._lock.close()
+            self._files.close()
             raise
 
-    def _locked(self) -> BinaryIO:
-        file = (self.folder / LOCK).open("ab")
-        if try_lock(file) is False:
-            file.close()
-            raise UsageError(f"another encode keeps its groups in {self.folder}: wait for its end, or end it")
-        return file
-
-    def _check(self, about: dict[str, Any]) -> None:
-        """Refuse a folder of another encode; write in a new one which it is of."""
-        path = self.folder / ABOUT
-        if not path.exists():
-            with complete_file(path, durable=True) as file:
-                file.write(json.dumps(about, indent=1).encode())
-            return
+    def _check(self, about: dict[str, Any]) -> str:
+        """Refuse a folder of another encode; write in a new one which it is of. The mark of the folder."""
         try:
-            with path.open("rb") as stored:
-                before = json.loads(stored.read(MAX_ABOUT))
+            before, is_signed = self._files.record(ABOUT)
             changed = _changes(before, about)
-        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
-            changed = [f"{path} cannot be read"]
+            mark = before.get(MARK)
+            if not changed and not (is_signed and isinstance(mark, str)):
+                raise ValueError
+        except FileNotFoundError:
+            mark = secrets.token_hex(16)
+            self._files.write_record(ABOUT, {**about, MARK: mark}, durable=True)
+            return mark
+        except (ValueError, TypeError, KeyError, AttributeError, StrangeFileError):
+            changed = [f"{self.folder / ABOUT} cannot be read"]
         if changed:
             raise UsageError(
                 f"{self.folder} is of another encode ({'; '.join(changed[:3])}): encode as before, or remove the "
                 "folder to begin anew"
             )
+        assert isinstance(mark, str)
+        return mark
 
     def group(self, first: int) -> "GroupInWork":
         """The group that begins with a frame."""
@@ -132,32 +139,46 @@ class Keeper:
 
     def read(self, first: int) -> KeptGroup | None:
         """The group that was kept; None if there is none. One that is damaged is encoded again."""
-        path = self._path(first)
+        name = _name(first)
         try:
-            kept = KeptGroup(path.read_bytes())
+            data = self._files.read(name, MAX_GROUP)
+            self._ours.add(name)
+            kept = KeptGroup(data)
         except FileNotFoundError:
             return None
         except (GsvcError, UsageError, OSError) as error:
-            self._faults.append(f"{path} cannot be read, so its frames were encoded again: {error}")
+            self.refuse(first, f"cannot be read, so its frames were encoded again: {error}")
             return None
         quantizers = {
             name: getattr(kept.header, name) for name in ("cholesky_bits", "color_stages", "color_codewords")
         }  # they may be chosen on the first frame
-        count = kept.header.frame_count
-        if replace(self.header(), frame_count=count, **quantizers) != kept.header:
-            self._faults.append(f"{path} is of another stream, so its frames were encoded again")
-            return None
-        self.groups += 1
-        self.frames += count
-        return kept
+        if replace(self.header(), frame_count=kept.header.frame_count, **quantizers) != kept.header:
+            self.refuse(first, "is of another stream, so its frames were encoded again")
+        elif kept.place != (self.mark, first):
+            self.refuse(first, "is another group of pictures than its name says, so its frames were encoded again")
+        else:
+            return kept
+        return None
+
+    def refuse(self, first: int, why: str) -> None:
+        """Note why a group that was kept is not taken."""
+        self._faults.append(f"{self.folder / _name(first)} {why}")
 
     def write(self, first: int, data: bytes) -> None:
         """Keep a group; if that fails, as on a full disk, no more are kept, and the encode goes on."""
         if self._is_full:
             return
+        name = _name(first)
         try:
-            with complete_file(self._path(first), durable=True) as file:
-                file.write(data)
+            if len(data) > MAX_GROUP:
+                raise StrangeFileError(
+                    f"{self.folder / name} would have {len(data)} bytes; at most {MAX_GROUP} are kept"
+                )
+            self._ours.add(name)  # before it is, so that an interrupt leaves none
+            self._files.write(name, data, durable=True)
+        except StrangeFileError as error:
+            self._ours.discard(name)
+            self._faults.append(f"the group from frame {first} on could not be kept: {error}")
         except OSError as error:
             self._is_full = True
             reason = error.strerror or str(error)
@@ -165,9 +186,6 @@ class Keeper:
                 f"groups from frame {first} on could not be kept in {self.folder} ({reason}): if this encode is ended, "
                 "they are encoded again"
             )
-
-    def _path(self, first: int) -> Path:
-        return self.folder / f"{first:08}.gsvc"
 
     @property
     def notes(self) -> list[str]:
@@ -180,25 +198,22 @@ class Keeper:
 
     def close(self) -> None:
         """Let other encodes use the folder, which goes if nothing was kept."""
-        if not self._lock.closed:
-            if not any(self._kept()):
-                self.remove()
-            self._lock.close()
-
-    def _kept(self) -> Iterator[Path]:
-        return (path for path in self.folder.glob("*.gsvc") if path.stem.isdecimal())
+        if not self._is_removed and {ABOUT, LOCK}.issuperset(self._files.names()):
+            self.remove()
+        self._files.close()
 
     def remove(self) -> None:
-        """Remove what was kept, and the folder, if nothing else is in it."""
-        with suppress(OSError):
-            for path in self._kept():
-                path.unlink()
-            for path in self.folder.glob(".*.part"):
-                remove_leftover(path)
-            for name in (ABOUT, LOCK):
-                (self.folder / name).unlink(missing_ok=True)
-            self.folder.rmdir()
-        self._lock.close()
+        """Remove what this encode kept or took, and the folder, if nothing else is in it."""
+        for name in (*sorted(self._ours), ABOUT):
+            with suppress(OSError):  # a folder has the name now
+                self._files.remove(name)
+        self._files.remove_folder()
+        self._is_removed = True
+
+
+def _name(first: int) -> str:
+    """The name of the file of a group."""
+    return f"{first:08}.gsvc"
 
 
 class GroupInWork:
@@ -227,10 +242,10 @@ class GroupInWork:
             return False
         try:
             coder.decide(self.kept.decided)
-        except ValueError:  # also a UsageError
-            raise GsvcError(
-                "malformed", f"what is kept in {self._keeper.folder} is damaged: remove the folder to begin anew"
-            ) from None
+        except ValueError as error:  # also a UsageError
+            self._keeper.refuse(self.first, f"cannot be read, so its frames were encoded again: {error}")
+            self.kept = None
+            return False
         return True
 
     def take(self, frame: Frame) -> tuple[EncodedFrame, float] | None:
@@ -247,7 +262,15 @@ class GroupInWork:
             return None
         if number >= len(self.kept.digests) or self.kept.digests[number] != digest:
             raise self._changed(number)
-        return self.kept.next_frame()
+        self._keeper.groups += number == 0
+        self._keeper.frames += 1
+        try:
+            return self.kept.next_frame()
+        except GsvcError as error:  # somebody has made its checksums right
+            raise GsvcError(
+                "malformed",
+                f"what is kept in {self._keeper.folder} is damaged: remove the folder to begin anew ({error.message})",
+            ) from None
 
     def add(self, encoded: EncodedFrame, seconds: float, decided: tuple[int, ...]) -> None:
         """Add the next frame that was encoded, and what the coder of its group has decided by then."""
@@ -255,7 +278,7 @@ class GroupInWork:
             return
         try:
             if self._writer is None:
-                self._writer, self._decided = GroupWriter(self._keeper.header()), decided
+                self._writer, self._decided = GroupWriter(self._keeper.header(), self._keeper.mark, self.first), decided
             self._writer.add(encoded, seconds, self._digests[self._encoded])
         except (GsvcError, UsageError):  # as will be raised when it is written to the target
             self._is_at_fault, self._writer = True, None

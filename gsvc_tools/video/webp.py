@@ -2,7 +2,7 @@
 
 import io
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, nullcontext
 from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
@@ -14,6 +14,7 @@ from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
+from gsvc_ref.video.images import MAX_FILE
 from gsvc_ref.video.stream import VideoReader
 from gsvc_tools.video.libav_probe import MAX_RATE_DENOMINATOR, is_even, uneven
 
@@ -26,7 +27,8 @@ ANIMATED: Final = 2
 def picture_delays(source: Path | BinaryIO) -> list[int] | None:
     """For how many milliseconds each picture of an animated WebP is shown; None of any other file.
 
-    Chunks are read up to the first that is cut off. A file object is left where it was.
+    Chunks are read up to the first that is cut off, as far as the file states its size. A file object is left where it
+    was. A GsvcError ``limit`` refuses more than MAX_FILE bytes, all of which would be held in memory.
     """
     with ExitStack() as stack:
         file = stack.enter_context(source.open("rb")) if isinstance(source, Path) else source
@@ -35,8 +37,13 @@ def picture_delays(source: Path | BinaryIO) -> list[int] | None:
         head = file.read(21)
         if head[:4] != b"RIFF" or head[8:16] != b"WEBPVP8X" or len(head) < 21 or not head[20] & ANIMATED:
             return None
+        end = start + 8 + int.from_bytes(head[4:8], "little")
+        if end - start > MAX_FILE:
+            raise GsvcError(
+                "limit", f"an animated WebP has {end - start} bytes; at most {MAX_FILE} are read: shorten it"
+            )
         delays, position = [], start + 12
-        while len(header := _at(file, position, 24)) >= 8:
+        while position < end and len(header := _at(file, position, 24)) >= 8:
             size = int.from_bytes(header[4:8], "little")
             if header[:4] == b"ANMF" and len(header) == 24:
                 delays.append(int.from_bytes(header[20:23], "little"))
@@ -68,7 +75,8 @@ class AnimatedWebpReader(VideoReader):
         self._name, self._background, self._delays = name, background, delays
         try:
             # Image.open warns of large pictures, and warnings belong to the process.
-            data = source.read_bytes() if isinstance(source, Path) else source.read()
+            with source.open("rb") if isinstance(source, Path) else nullcontext(source) as file:
+                data = file.read(MAX_FILE)
             self._animation: Any = WebPImagePlugin.WebPImageFile(io.BytesIO(data))
         except (OSError, SyntaxError, ValueError) as error:
             raise self._damaged("the start", error) from error

@@ -8,7 +8,10 @@
 | ``source/N`` | the samples of frame N of the source |
 
 Other pages of the same browser reach nothing: they do not know the token, a name that they have pointed at this machine
-is not in the header ``Host`` that is allowed, and nothing allows them to read an answer.
+is not in the header ``Host`` that is allowed, and nothing allows them to read an answer. Other users of the machine do
+not know it either, since no command line has it (`entrance`). It stays in the address, and is no cookie: a browser
+sends the cookies of 127.0.0.1 to the servers of all users, whatever their port. It does not end with its first use: a
+page may be loaded again, and whoever saw an address that is good for once could use it first.
 """
 
 import errno
@@ -17,6 +20,7 @@ import json
 import os
 import re
 import secrets
+import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -36,7 +40,11 @@ TOKEN_BYTES: Final = 18
 POLL_S: Final = 0.1
 """Seconds between two looks whether a live stream has grown."""
 IDLE_S: Final = 60.0
-"""Seconds for which a connection may wait for the next request."""
+"""Seconds for which a connection that has shown the token may wait for the next request."""
+STRANGER_S: Final = 5.0
+"""Seconds in which a connection must show the token."""
+MOST_STRANGERS: Final = 32
+"""Connections that have not shown it; one more ends the oldest, so that strangers keep nobody out."""
 SAMPLES: Final = "application/octet-stream"
 HEADERS: Final = {
     "Cache-Control": "no-store",
@@ -76,8 +84,12 @@ class Server(ThreadingHTTPServer):
 
     daemon_threads = True
     allow_reuse_address = os.name == "posix"  # elsewhere two servers could share a port
+    request_queue_size = 128  # where more wait than the system allows, a page would wait for a second
 
     def __init__(self, viewing: Viewing, port: int = 0) -> None:
+        self._strangers: dict[socket.socket, float] = {}  # until when they may stay, the oldest first
+        self._lock = threading.Lock()
+        self.is_known = threading.Event()  # somebody has shown the token
         self.viewing, self.files, self.token = viewing, viewer_files(), secrets.token_urlsafe(TOKEN_BYTES)
         try:
             super().__init__((LOOPBACK, port), Handler)
@@ -86,6 +98,47 @@ class Server(ThreadingHTTPServer):
             raise UsageError(f"port {port} {reason}; give another --port, or leave it out") from None
         self.url = f"http://{LOOPBACK}:{self.server_port}/{self.token}/{PAGE}?view=../view.json"
         self.hosts = {f"{name}:{self.server_port}" for name in (LOOPBACK, "localhost")}
+
+    def get_request(self) -> tuple[socket.socket, Any]:
+        """The next connection."""
+        try:
+            return super().get_request()
+        except OSError:  # no descriptor is left
+            self._end_strangers(most=len(self._strangers) - 1)
+            time.sleep(POLL_S / 10)  # in which its thread closes it
+            raise
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """Answer a connection in a thread."""
+        with self._lock:
+            self._strangers[request] = time.monotonic() + STRANGER_S
+        super().process_request(request, client_address)
+
+    def service_actions(self) -> None:
+        """After each connection and each POLL_S, end the strangers that may not stay."""
+        self._end_strangers(most=MOST_STRANGERS)
+
+    def _end_strangers(self, most: int) -> None:
+        """End those whose time is over, and the oldest of more than `most`."""
+        with self._lock:
+            for stranger, end in list(self._strangers.items()):
+                if len(self._strangers) <= most and time.monotonic() < end:
+                    break
+                del self._strangers[stranger]
+                with suppress(OSError):  # its thread, which closes it, may have done so
+                    stranger.shutdown(socket.SHUT_RDWR)
+
+    def trust(self, connection: socket.socket) -> None:
+        """Note that a connection has shown the token, so that it may stay."""
+        with self._lock:
+            self._strangers.pop(connection, None)
+        self.is_known.set()
+
+    def shutdown_request(self, request: Any) -> None:
+        """End a connection."""
+        with self._lock:
+            self._strangers.pop(request, None)
+        super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """A page that went away is no error; nothing else is the terminal's concern."""
@@ -140,6 +193,7 @@ class Handler(BaseHTTPRequestHandler):
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             self.send_error(404)
             return
+        self.server.trust(self.connection)
         viewing = self.server.viewing
         if path in self.server.files:
             file = self.server.files[path]

@@ -18,6 +18,7 @@ from gsvc_ref import spec
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import random_main_stream
 from tests.adapters.test_web_operations import damaged, in_base64
+from tests.main.material import GROWING, growing
 
 OPEN = """
 ([base64, mostKept, quality]) => {
@@ -94,6 +95,13 @@ def test_layers_and_damaged_layers(page, layered):
         assert_same(web.reconstruct_layers(stream, quality), expected)
         faults.update(expected["error"].split()[1:2])
     assert {"R-7-1", "R-15.13-1"} <= faults
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_the_level_counts_a_layer_that_repeats(page, name):
+    for level, quality in ((1, 1), (1, 2), (2, 2)):
+        stream = growing(name, level, checksums=True)
+        assert_same(web.reconstruct_layers(stream, quality), spec.reconstruct_layers(stream, quality))
 
 
 @pytest.mark.parametrize("data", ["paper", "in front of the first frame"])

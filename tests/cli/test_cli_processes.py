@@ -79,6 +79,12 @@ def test_demo_in_a_small_size(tmp_path, capsys):
     page = (folder / "report.html").read_text()
     assert "gsvc encode" in page
     assert len(list((folder / "decoded").iterdir())) == 4
+    (folder / "decoded" / "frame_999999.png.mine").touch()  # of the user
+    assert main([*command, "--quiet", "--length", "2"]) == 0
+    assert len(list((folder / "decoded").iterdir())) == 3
+    (folder / "decoded" / "frame_999999.png.mine").unlink()
+    assert main(command) == 0
+    capsys.readouterr()
     assert main(["compare", str(folder / "decoded"), str(folder / "clip.gsvc"), "--no-vmaf", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["identical_frames"] == 4
 

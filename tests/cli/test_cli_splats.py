@@ -1,6 +1,7 @@
 """`gsvc import` and `gsvc export`: from files of splats to a stream and back, with what gets lost."""
 
 import json
+import os
 
 import numpy as np
 import pytest
@@ -129,6 +130,7 @@ def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, caps
         assert arrays["counts"].tolist() == [20, 20]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no named pipes here")
 @pytest.mark.parametrize(
     ("arguments", "status", "message"),
     [
@@ -136,6 +138,8 @@ def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, caps
         (["import", "bad.npz", "x.gsvc"], 1, "bad.npz is no sound NPZ file"),
         (["import", "bad.ply", "x.gsvc", "--width", "9", "--height", "9"], 1, "does not begin with 'ply'"),
         (["import", "bad.txt", "x.gsvc"], 2, "neither one NPZ file nor PLY"),
+        (["import", "pipe.npz", "x.gsvc"], 2, "pipe.npz is not a regular file"),
+        (["import", "pipes", "x.gsvc"], 2, "a.ply is not a regular file"),
         (["import", "-", "x.gsvc"], 2, "cannot come from standard input"),
         (["import", "empty", "x.gsvc"], 2, "holds no .ply files"),
         (["import", "bad.npz", "x.gsvc", "--frame-rate", "0"], 2, "'0' is no frame rate"),
@@ -146,7 +150,10 @@ def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, caps
 )
 def test_wrong_use_is_said_in_a_sentence(tmp_path, monkeypatch, capsys, arguments, status, message):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "empty").mkdir()
+    for folder in ("empty", "pipes"):
+        (tmp_path / folder).mkdir()
+    for name in ("pipe.npz", "pipes/a.ply"):
+        os.mkfifo(tmp_path / name)
     for name in ("bad.npz", "bad.ply", "bad.txt"):
         (tmp_path / name).write_bytes(b"no splats at all")
     assert main(arguments) == status

@@ -1,18 +1,24 @@
 """``gsvc view``: what it says, what it refuses, and that it ends with Ctrl-C. tests/tools/viewing has the server."""
 
+import json
 import os
+import re
 import signal
+import socket
 import subprocess
 import sys
+import urllib.parse
 import urllib.request
 import webbrowser
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from gsvc_ref.cli import main
 from gsvc_tools.cli import view
-from gsvc_tools.viewing import server
+from gsvc_tools.viewing import entrance, server
 
 TIMEOUT_S = 120
 START = """
@@ -25,25 +31,61 @@ raise SystemExit(main())
 
 @pytest.fixture
 def ended_at_once(monkeypatch):
-    """Ctrl-C as soon as all is said; the addresses that a browser was opened with."""
+    """Ctrl-C as soon as all is said; the pages that a browser was opened with."""
 
     def ctrl_c(_seconds):
         raise KeyboardInterrupt
 
     opened = []
     monkeypatch.setattr(view, "time", SimpleNamespace(sleep=ctrl_c))
-    monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or True)
+    monkeypatch.setattr(webbrowser, "open", lambda url: opened.append((url, path_of(url).read_text())) or True)
     monkeypatch.setattr(view, "elsewhere", lambda: "")
     return opened
 
 
-def test_the_browser_is_opened_with_the_address_that_is_said(stream, clip, capsys, ended_at_once):
+def path_of(url):
+    """The file that a file:// address names."""
+    return Path(urllib.request.url2pathname(urllib.parse.urlsplit(url).path))
+
+
+def test_the_browser_is_led_to_the_address_that_is_said(stream, clip, capsys, ended_at_once):
     assert main(["view", str(stream), str(clip)]) == 130
-    (url,) = ended_at_once
+    ((opened, page),) = ended_at_once
     out, err = capsys.readouterr()
+    url = re.search('; url=([^"]*)', page)[1]
     assert out == f"{stream} beside {clip}: {url}\n  Ctrl-C ends it\n"
     assert url.startswith("http://127.0.0.1:")
     assert err == "gsvc view: ended; the page goes on with what it has read\n"
+    assert opened.startswith("file:///")
+    assert not path_of(opened).parent.exists()
+
+
+def test_a_browser_that_cannot_be_led_there_is_not_opened(stream, capsys, monkeypatch, ended_at_once):
+    monkeypatch.setattr(entrance.Entrance, "lead_to", lambda *_: os.open("/gone/x", os.O_RDONLY))
+    assert main(["view", str(stream)]) == 130
+    assert ended_at_once == []
+    assert "  note: no browser is opened, since no page can be written for it (No such" in capsys.readouterr().out
+
+
+def test_a_browser_that_does_not_come_is_told_once_and_one_that_comes_needs_no_page(stream, capsys, monkeypatch):
+    opened, seconds = [], []
+
+    def look(waited):
+        seconds.append(waited)
+        if sum(seconds) == 2 * view.BROWSER_S:
+            assert path_of(opened[0]).exists()
+            with urllib.request.urlopen(re.search('http:[^"]*', path_of(opened[0]).read_text())[0]) as page:
+                page.read()
+        elif sum(seconds) > 2 * view.BROWSER_S + 1:
+            assert not path_of(opened[0]).parent.exists()
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(view, "time", SimpleNamespace(sleep=look))
+    monkeypatch.setattr(webbrowser, "open", lambda url: opened.append(url) or True)
+    monkeypatch.setattr(view, "elsewhere", lambda: "")
+    assert main(["view", str(stream)]) == 130
+    note = "gsvc view: no browser has asked for the page so far; if none shows it, open the address above in one\n"
+    assert capsys.readouterr().err == note + "gsvc view: ended; the page goes on with what it has read\n"
 
 
 def test_without_a_browser_the_address_alone_is_printed(stream, capsys, ended_at_once):
@@ -121,6 +163,7 @@ def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys):
     assert refused(capsys, stream, "--colour")[0] == 2
     assert refused(capsys, stream, "--source-from", "3")[0] == 2
     assert refused(capsys, stream, clip, "--source-from", "-1")[0] == 2
+    assert refused(capsys, stream, "--max-bytes", "1G")[0] == 2
 
 
 def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
@@ -130,22 +173,120 @@ def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
     assert "standard input is no GSVC stream; encode a video first" in capsys.readouterr().err
 
 
+def test_more_than_is_kept_of_a_pipe_is_told_and_the_rest_shown(stream, monkeypatch, standard_input):
+    said = []
+
+    def say(_command, message):
+        said.append(message)
+        if len(said) == 1:
+            raise KeyboardInterrupt
+
+    standard_input(stream.read_bytes())
+    monkeypatch.setattr(view, "say", say)
+    monkeypatch.setattr(view, "LOOK_S", 0.01)
+    assert main(["view", "-", "--no-browser", "--max-bytes", "100"]) == 130
+    kept = "standard input has more than 100 bytes: the page shows these, and the rest is not read"
+    assert said == [f"{kept}; a greater --max-bytes keeps more", "ended; the page goes on with what it has read"]
+
+
 def test_a_port_in_use_is_refused(stream, capsys):
     with server.Server(server.Viewing("a", None)) as taken:
         code, told = refused(capsys, stream, "--port", taken.server_port)
     assert (code, told) == (2, f"port {taken.server_port} is in use; give another --port, or leave it out")
 
 
-@pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
-def test_it_answers_until_ctrl_c(stream, clip):
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+
+
+@contextmanager
+def started(*words, before="", **settings):
+    """``gsvc view`` in a process of its own, after a line of Python, until Ctrl-C."""
     with subprocess.Popen(
-        [sys.executable, "-c", START, "view", str(stream), str(clip), "--no-browser"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-c", before + START, "view", *map(str, words)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **settings,
     ) as process:  # fmt: skip
+        try:
+            yield process
+            process.send_signal(signal.SIGINT)
+            out, err = process.communicate(timeout=TIMEOUT_S)
+        finally:
+            process.kill()
+    assert (process.returncode, out) == (130, "")
+    assert err == "gsvc view: ended; the page goes on with what it has read\n"
+
+
+@posix
+def test_it_answers_until_ctrl_c(stream, clip):
+    with started(stream, clip, "--no-browser") as process:
         url = process.stdout.readline().strip()
         with urllib.request.urlopen(url, timeout=TIMEOUT_S) as page:
             assert b"GSVC viewer" in page.read()
-        process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=TIMEOUT_S)
-    assert (process.returncode, out) == (130, "")
-    assert err == "gsvc view: ended; the page goes on with what it has read\n"
+
+
+@posix
+def test_strangers_cannot_take_all_descriptors(stream):
+    limit = """
+import resource
+from gsvc_tools.viewing import server
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
+server.STRANGER_S = 1e9  # they stay as long as they are few
+"""
+    with started(stream, "--no-browser", before=limit) as process, ExitStack() as stack:
+        url = process.stdout.readline().strip()
+        address = "127.0.0.1", urllib.parse.urlsplit(url).port
+        for _ in range(64):
+            stack.enter_context(socket.create_connection(address, timeout=TIMEOUT_S))
+        with urllib.request.urlopen(url, timeout=TIMEOUT_S) as page:
+            assert b"GSVC viewer" in page.read()
+
+
+SPY = """
+import contextlib, encodings.idna, glob, json, os, re, urllib.parse, urllib.request
+with contextlib.suppress(urllib.error.HTTPError):  # whatever it imports: others may not read it
+    urllib.request.urlopen("http://127.0.0.1:PORT/", timeout=TIMEOUT)
+os.setgroups([]), os.setgid(65534), os.setuid(65534)
+files, addresses, got = set(), set(), []
+for name in glob.glob("/proc/[0-9]*/cmdline") + glob.glob("/proc/[0-9]*/environ"):
+    try:
+        words = open(name, "rb").read().decode(errors="replace")
+    except OSError:
+        continue
+    files.update(re.findall(r"file://(/[^\\0 ]*gsvc-view-[^\\0 ]*)", words))
+    addresses.update(re.findall(r"http://127.0.0.1:PORT/[^\\0 ]*", words))
+for name in files:
+    try:
+        addresses.update(re.findall(r'http:[^"]*', open(name).read()))
+    except OSError as error:
+        got.append(str(error.errno))
+for address in addresses | {"http://127.0.0.1:PORT/"}:
+    for path in ("../stream", "../source/0", "../view.json", "stream", "index.html", ""):
+        try:
+            got.append(urllib.request.urlopen(urllib.parse.urljoin(address, path), timeout=TIMEOUT).status)
+        except urllib.error.HTTPError as error:
+            got.append(str(error.code))
+print(json.dumps([sorted(files), got]))
+"""
+
+
+@pytest.mark.skipif(getattr(os, "geteuid", int)() != 0, reason="only root can become another user")
+@pytest.mark.skipif(not Path("/proc/self/cmdline").exists(), reason="command lines are read in /proc")
+def test_another_user_gets_nothing_out_of_command_lines(stream, clip, tmp_path):
+    browser = tmp_path / "browser"
+    browser.write_text(
+        f"#!{sys.executable}\nimport os, time\nprint(os.getpid(), flush=True)\ntime.sleep({TIMEOUT_S})\n"
+    )
+    browser.chmod(0o700)
+    with started(stream, clip, env={**os.environ, "DISPLAY": ":0", "BROWSER": f"{browser} %s &"}) as process:
+        port = re.search(r"http://127.0.0.1:(\d+)/", process.stdout.readline())[1]
+        assert process.stdout.readline() == "  Ctrl-C ends it\n"
+        pid = int(process.stdout.readline())
+        spy = SPY.replace("PORT", port).replace("TIMEOUT", str(TIMEOUT_S))  # no word of it is in a command line
+        seen = subprocess.run([sys.executable, "-"], input=spy, check=True, stdout=subprocess.PIPE, text=True).stdout
+        files, got = json.loads(seen)
+        page = path_of(re.search(r"file://[^\0]+", Path(f"/proc/{pid}/cmdline").read_text())[0])
+        os.kill(pid, signal.SIGKILL)
+        if str(page) not in files:
+            pytest.skip("command lines of others cannot be read here")
+        assert page.exists()
+        assert set(got) == {"13", "404"}  # permission denied, and not found
+    assert not page.parent.exists()

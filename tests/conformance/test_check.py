@@ -15,6 +15,7 @@ from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import VECTORS
 from gsvc_ref.testing import Lie
+from tests.main.material import growing
 
 
 def test_legal_streams(tmp_path, capsys):
@@ -66,6 +67,22 @@ def test_decoders_that_disagree_are_told(monkeypatch):
         "x: legal with 3 frames by spec.md, refused (limit R-5-4 99) after 0 frames by gsvc_ref: "
         "please report it with the file"
     )
+
+
+def test_layers_are_read(tmp_path, capsys):
+    """A layer that repeats takes the frame beyond its level, by both decoders; at the next one it is legal."""
+    finding = examine("x", growing("the base grows", 1))
+    assert (finding.error.split()[:2], finding.element, finding.other) == (["limit", "R-5-2"], "layer_type", "")
+    assert finding.message == "with layer 1 repeated the frame has 16510 splats; level 1 allows 16384"
+    finding = examine("x", growing("the base grows", 2))
+    assert finding.legal
+    assert finding.least_level == 2
+    assert [(frame.splats, frame.base[0]) for frame in finding.frames] == [(16010, 10), (16510, 510)]
+
+
+def test_the_seconds_of_a_stream_with_layers_count_the_base():
+    header = {"width": 4, "height": 4, "flags": 2, "frame_rate_numerator": 100, "frame_rate_denominator": 1}
+    assert least_level(header, (Frame("I", 12_000, 1, 9, (100, 1)),) * 100, 9) == 1
 
 
 def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path, capsys):

@@ -2,6 +2,7 @@
 
 import html
 import json
+import os
 import re
 import subprocess
 import sys
@@ -180,6 +181,29 @@ def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):
     assert (kept / "core/paint/odd_size/out/frame.npy").is_file()
     assert run(folder, "--module", toy_module(), "--keep", str(kept)) == 0
     assert sorted(path.name for path in kept.rglob("*") if path.is_file()) == ["mine.txt"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+def test_nothing_is_kept_or_removed_through_a_link_or_beside_files_of_others(folder, toy_module, tmp_path, capsys):
+    victim, kept = tmp_path / "victim", tmp_path / "kept"
+    (victim / "out").mkdir(parents=True)
+    (victim / "out" / "frame.npy").write_bytes(b"precious")
+    home = kept / "core/paint/odd_size"
+    home.parent.mkdir(parents=True)
+    home.symlink_to(victim)
+    name = toy_module(paint=wrong_frames)
+    assert run(folder, "--module", name, "--keep", str(kept)) == 2
+    assert f"{home} is a link" in capsys.readouterr().err
+    home.unlink()
+    home.mkdir()
+    (home / "notes.txt").touch()
+    assert run(folder, "--module", name, "--keep", str(kept)) == 2
+    assert f"{home} holds 'notes.txt' but no kept.json" in capsys.readouterr().err
+    (tmp_path / "link").symlink_to(kept)
+    assert run(folder, "--module", name, "--keep", str(tmp_path / "link")) == 2
+    assert [path.name for path in victim.rglob("*") if path.is_file()] == ["frame.npy"]
+    assert (victim / "out" / "frame.npy").read_bytes() == b"precious"
+    assert [path.name for path in home.iterdir()] == ["notes.txt"]
 
 
 def test_kept_refusals(folder, toy_module, tmp_path):

@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import signal
 import sys
 
@@ -218,3 +219,16 @@ def test_arrays_become_native_and_are_little_endian_on_all_machines(tmp_path):
     (tmp_path / "half.npy").write_bytes(npy(np.array([1, 2], ">i8")))
     with pytest.raises(ValueError, match=r"^half\.npy has numbers of type >i8, most significant byte first"):
         read_output(tmp_path, Port("half", "i8", "(N,)"))
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links of POSIX")
+def test_outputs_are_not_read_through_a_link(tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "elsewhere" / "error.txt").write_text("malformed R-6.2-2 412")
+    (tmp_path / "out").symlink_to("elsewhere")
+    with pytest.raises(ValueError, match="out is a link"):
+        read_output(tmp_path / "out", Port("error", "text"))
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "error.txt").symlink_to(tmp_path / "elsewhere" / "error.txt")
+    with pytest.raises(ValueError, match=r"error\.txt is not a regular file"):
+        read_output(tmp_path / "own", Port("error", "text"))

@@ -1,17 +1,19 @@
-"""The long checks of hostile input: ``python -m tests.hostile damage``, ``... memory LEVEL`` and ``... viewer LEVEL``.
+"""The long checks of hostile input: ``python -m tests.hostile CHECK``, of which ``--help`` has a list.
 
 ``damage`` tries every truncation and every flipped bit of every core stream, with gsvc_ref and with the decoder of
 spec.md; ``memory`` measures the peak memory of every way into the decoder for streams at the limits of a level;
-``viewer`` what a frame of such streams costs the viewer's decoder, in Node, beside gsvc_ref.
+``resume`` kills encodes and changes what they had kept before it goes on; ``viewer`` measures what a frame at the
+limits costs the viewer's decoder, in Node, beside gsvc_ref.
 """
 
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, RawDescriptionHelpFormatter
 from collections import Counter
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 
 from gsvc_ref.bitstream import LEVELS
-from tests.hostile import viewer_cost
 from tests.hostile.damage import LibraryDecoder, SpecDecoder, core_streams, damages
 from tests.hostile.memory import ENTRIES, table
 
@@ -42,7 +44,14 @@ def main(arguments: list[str]) -> int:
     given = build_parser().parse_args(arguments)
     if given.command == "damage":
         return 0 if try_all() else 1
+    if given.command == "resume":
+        from tests.hostile.resume import kills
+
+        with TemporaryDirectory() as folder:
+            return 0 if kills(given.count, given.seed, Path(folder)) else 1
     if given.command == "viewer":
+        from tests.hostile import viewer_cost  # which needs what the pages are tested with
+
         return 0 if viewer_cost.table(given.level) else 1
     return 0 if table(given.level, given.entries or ENTRIES) else 1
 
@@ -52,6 +61,9 @@ def build_parser() -> ArgumentParser:
     parser = ArgumentParser("python -m tests.hostile", description="The long checks of hostile input.")
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("damage", help="every truncation and every flipped bit of every core stream")
+    killed = commands.add_parser("resume", help="encodes that are killed, and what they kept changed in between")
+    killed.add_argument("count", type=int, metavar="KILLS", help="how often an encode is killed")
+    killed.add_argument("seed", type=int, nargs="?", default=1, help="of the moments and changes (1)")
     entries = "".join(f"\n  {entry!r}" for entry in ENTRIES)
     memory = commands.add_parser(
         "memory", help="peak memory of decoding streams at the limits of a level", epilog=f"ENTRY is one of:{entries}",

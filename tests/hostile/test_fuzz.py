@@ -121,7 +121,7 @@ def first_words(*arguments: Any) -> Any:
 def one_splat_less(*arguments: Any) -> DecodedFrame:
     """A frame as the writer tells of it, without its last splat."""
     frame = DecodedFrame(*arguments)
-    return replace(frame, splats=frame.splats.take(np.arange(max(0, len(frame.splats) - 1))))
+    return replace(frame, base=frame.base.take(np.arange(max(0, len(frame.base) - 1))))
 
 
 def no_index(profile: int) -> tuple[str, ...]:

@@ -16,15 +16,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gsvc_base.arrays import I8, U2
+from gsvc_base.errors import GsvcError
 from gsvc_base.splats import Splats
-from gsvc_ref.bitstream import LEVELS
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.rans import decode_kernel
 from gsvc_ref.bitstream.work import rendering_work
+from gsvc_ref.main import frames as main_state
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.rendering import SequenceRenderer
 from gsvc_ref.rendering.fast.binning import Binning, windows_of
 from gsvc_ref.rendering.fast.projection import row_range
 from gsvc_ref.rendering.fast.tiles import GROUP_ROWS, TILE_WIDTH
-from gsvc_ref.stream import StreamReader
-from gsvc_ref.testing import splat_sets
+from gsvc_ref.stream import StreamReader, chunk_decoder, decode, profiles
+from gsvc_ref.testing import splat_sets, write_stream
 from tests.hostile.hostile_streams import (
     CHOLESKY_BITS,
     STAGES,
@@ -34,6 +39,8 @@ from tests.hostile.hostile_streams import (
     half,
     header,
     intra,
+    main_frames,
+    main_header,
     opening,
     predicted,
     repeated,
@@ -177,6 +184,70 @@ def test_splats_off_the_screen_are_no_pixels() -> None:
         assert [len(frame.splats) for frame in frames] == [count, count]
         assert rendering_work(frames[1].splats, 16, 16) == 0
         assert pixels_added(frames[1].splats, 16, 16) == (0, 0)
+
+
+def repeating(head: SequenceHeader, frames: int) -> bytes:
+    """A base and three layers that stay as they are: by R-frames, chunks `n` of 8 bytes, and P-frames of no splat."""
+    still, repeat = main_frames(head, 5, 0)[0], MainCodes.repeated_frame()
+    nothing = MainCodes(type="P")
+    of_each = {number: [(layer, repeat) for layer in (1, 2, 3)] for number in range(1, frames + 1)}
+    bases = [MainCodes(type="I"), *[(repeat, nothing)[number % 2] for number in range(frames)]]
+    return write_stream(head, bases, index=False, layers={0: [(layer, still) for layer in (1, 2, 3)], **of_each})
+
+
+def calls_of(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> list[Any]:
+    """The first arguments of all calls of a function from now on."""
+    real, calls = getattr(owner, name), []
+
+    def counted(first: Any, *others: Any, **named: Any) -> Any:
+        calls.append(first)
+        return real(first, *others, **named)
+
+    monkeypatch.setattr(owner, name, counted)
+    return calls
+
+
+@pytest.mark.parametrize("checksums", [False, True])
+def test_layers_that_repeat_cost_nothing(monkeypatch: pytest.MonkeyPatch, checksums: bool) -> None:
+    """A chunk of 8 bytes may stand for as many splats as a level allows: nothing that it repeats is looked at again."""
+    data = repeating(replace(main_header(1, 16, 16), parameter_checksum_flag=checksums), 20)
+    work = calls_of(monkeypatch, main_state, "rendering_work")
+    checksum = calls_of(monkeypatch, main_state, "parameter_checksum")
+    joined = calls_of(monkeypatch, Splats, "joined")
+    rendered = calls_of(monkeypatch, SequenceRenderer, "next_frame")
+    counts = [len(frame.chunks) for frame in StreamReader(data, layer=None)]
+    assert counts == [3] * 21
+    assert sum(len(splats) for splats in work) == 15
+    assert sum(len(splats) for splats in checksum) == 15 * checksums
+    assert not joined
+    pictures = list(decode(data, threads=1))
+    assert len(pictures) == 21
+    assert len(rendered) == len(joined) == 1
+
+
+def test_a_layer_that_changes_costs_the_others_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    head = main_header(1, 16, 16)
+    five, one = main_frames(head, 5, 0)[0], main_frames(head, 1, 1)
+    of_each = {number: [(2, one[1])] for number in range(1, 21)}
+    frames = [five, *[MainCodes.repeated_frame()] * 20]
+    data = write_stream(head, frames, index=False, layers={0: [(1, five), (2, one[0]), (3, five)], **of_each})
+    work = calls_of(monkeypatch, main_state, "rendering_work")
+    assert [len(frame.splats) for frame in StreamReader(data, layer=None)] == [16] * 21
+    assert [len(splats) for splats in work] == [5, 5, 1, 5, *[1] * 20]
+
+
+def test_a_repeated_frame_of_profile_paper_is_not_checked_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    head = replace(header(1, 16, 16), parameter_checksum_flag=True)
+    checksum = parameter_checksum(Splats.empty()).to_bytes(4, "little")
+    parts = [chunk("I", encode_uv(0), checksum, encode_uv(0))]
+    parts += [chunk("R", encode_uv(number), checksum) for number in range(1, 21)]
+    calls = calls_of(monkeypatch, chunk_decoder, "parameter_checksum")
+    work = calls_of(monkeypatch, profiles, "rendering_work")
+    assert len(list(StreamReader(b"".join([opening(head), *parts, end(21)])))) == 21
+    assert len(calls) == len(work) == 1
+    wrong = chunk("R", encode_uv(21), b"\1" * 4)
+    with pytest.raises(GsvcError, match=r"R-6\.4-3"):
+        list(StreamReader(b"".join([opening(head), *parts, wrong, end(22)])))
 
 
 def coded(symbol: int, width: int) -> bytes:

@@ -1,8 +1,11 @@
 """Streams of profile `main` for the tests of this folder."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from typing import Any
+
+import numpy as np
 
 from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
@@ -14,6 +17,7 @@ from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing import join_chunks, split_chunks, write_stream
 from gsvc_ref.testing.choices import SeededChoices
 from gsvc_ref.testing.random_main_streams import make_main_frame
+from tests.hostile.hostile_streams import main_frames
 
 HEADER = SequenceHeader(
     profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=4, bit_depth=8
@@ -84,3 +88,42 @@ def both(stream: bytes) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         (ours.counts.tolist(), ours.parameters.tobytes(), ours.error),
         (theirs["counts"].tolist(), theirs["parameters"].tobytes(), theirs["error"]),
     )
+
+
+GROWING: dict[str, tuple[dict[int, tuple[str, int]], ...]] = {
+    "the base grows": ({0: ("I", 10), 1: ("I", 16000)}, {0: ("P", 500), 1: ("R", 0)}),
+    "a layer below grows": ({0: ("I", 10), 1: ("I", 1), 2: ("I", 9000)}, {0: ("P", 1), 1: ("I", 9000), 2: ("R", 0)}),
+}
+"""Frames whose last layer repeats: by layer its type and the new splats, together more than level 1 allows."""
+
+
+def growing_codes(name: str, header: SequenceHeader) -> tuple[list[MainCodes], dict[int, list[tuple[int, MainCodes]]]]:
+    """The codes of the base and of the layers of a stream of `GROWING`, of equal splats that take next to no bits."""
+    base: list[MainCodes] = []
+    layers: dict[int, list[tuple[int, MainCodes]]] = {}
+    counts: dict[int, int] = {}
+    for number, parts in enumerate(GROWING[name]):
+        for layer, (letter, count) in parts.items():
+            codes = main_frames(header, count, 0)[0] if count else MainCodes.repeated_frame()
+            if letter == "P":
+                before = counts[layer]
+                still = np.zeros(before, np.int64), np.zeros((before, 8), np.int64)
+                codes = replace(codes, type="P", modes=still[0], differences=still[1])
+                counts[layer] += count
+            elif letter == "I":
+                counts[layer] = count
+            if layer:
+                layers.setdefault(number, []).append((layer, codes))
+            else:
+                base.append(codes)
+    return base, layers
+
+
+@cache
+def growing(name: str, level: int, checksums: bool = False) -> bytes:
+    """A stream of `GROWING` whose header states a level, which may be too low."""
+    header = SequenceHeader(
+        profile=MAIN, level=2, width=32, height=24, layer_count=3, parameter_checksum_flag=checksums
+    )
+    base, layers = growing_codes(name, header)
+    return with_payload(write_stream(header, base, layers=layers), 0, lambda p: p[:1] + bytes([level]) + p[2:])

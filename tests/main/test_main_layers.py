@@ -24,7 +24,7 @@ from gsvc_ref.testing import random_streams as random
 from gsvc_ref.testing.choices import SeededChoices
 from gsvc_ref.testing.random_main_streams import make_main_frame
 from gsvc_tools.listing import list_elements, place_of
-from tests.main.material import damages, flipped, with_payload
+from tests.main.material import GROWING, damages, flipped, growing, growing_codes, with_payload
 
 HEADER = SequenceHeader(
     profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=2, layer_count=3
@@ -187,6 +187,49 @@ def test_the_level_counts_all_layers() -> None:
     assert ours[2].split()[:2] == ["limit", "R-5-2"]
     assert both(changed(high, 0, 1, 1), 0)[0][2] == ""
     assert len(state.values) == 9000
+
+
+@pytest.mark.parametrize(("name", "checksums"), [("the base grows", False), ("a layer below grows", True)])
+def test_the_level_counts_a_layer_that_repeats(name: str, checksums: bool) -> None:
+    """R-5-2 of `layer_type` R: the splats that it keeps count beside those of a base or of layers that have grown."""
+    stream = growing(name, 1, checksums)
+    highest = max(GROWING[name][-1])
+    ours, theirs = both(stream, highest)
+    assert ours == theirs
+    kind, rule, bit = ours[2].split()
+    assert (kind, rule) == ("limit", "R-5-2")
+    found = place_of(stream, int(bit)).entry
+    assert found is not None
+    assert found.full_name == "layer_type, chunk n, frame 1"
+    assert both(stream, highest - 1)[0][2] == ""
+    ours, theirs = both(growing(name, 2, checksums), highest)
+    assert (ours, ours[2]) == (theirs, "")
+    frames = list(gsvc_ref.open(stream).salvage())
+    assert [len(frame.splats) <= 1 << 14 for frame in frames if isinstance(frame, DecodedFrame)] == [True, True]
+    assert [fault.rule for gap in frames if isinstance(gap, Gap) for fault in gap.faults] == ["R-5-2"]
+
+
+@pytest.mark.parametrize("name", GROWING)
+def test_a_layer_that_repeats_is_not_written_beyond_the_level(name: str) -> None:
+    header = SequenceHeader(profile=MAIN, level=1, width=32, height=24, layer_count=3)
+    base, layers = growing_codes(name, header)
+    target = BytesIO()
+    writer = StreamWriter(target, header)
+    for number, frame in enumerate(base):
+        writer.write_frame(frame)
+        for layer, codes in layers[number][: None if number == 0 else -1]:
+            writer.write_layer(layer, codes)
+    size = target.tell()
+    with pytest.raises(UsageError, match=r"repeated the frame has 1[68]\d+ splats; level 1 allows 16384 .R-5-2"):
+        writer.write_layer(*layers[1][-1])
+    assert target.tell() == size
+    low = StreamWriter(BytesIO(), SequenceHeader(**{**header.arguments, "level": 3}), least_level=True)
+    for number, frame in enumerate(base):
+        low.write_frame(frame)
+        for layer, codes in layers[number]:
+            low.write_layer(layer, codes)
+    low.finish()
+    assert low.header.level == 2
 
 
 def test_least_level_is_one_for_all_layers() -> None:

@@ -10,6 +10,7 @@ from PIL import Image
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video import ColorDescription, VideoFormat, encode_png, open_video, open_writer
 from gsvc_ref.video.images import decode_image, missing_numbers, natural_key
+from gsvc_ref.video.png import PNG_SIGNATURE
 
 RGB = ColorDescription(1, 13, 0, True, 0)
 RATE_NOTE = "pictures state no frame rate, so assumed: 25 per second"
@@ -119,6 +120,15 @@ def test_a_jpeg_bomb_is_refused(tmp_path):
     with pytest.raises(GsvcError, match=r"65535x65535.*scale the video down") as caught:
         open_video(tmp_path / "x.jpg")
     assert caught.value.kind == "limit"
+
+
+def test_a_file_of_2_gib_is_not_read(tmp_path):
+    """Nearly all of it is a hole."""
+    with (tmp_path / "a.png").open("wb") as file:
+        file.write(PNG_SIGNATURE)
+        file.truncate(1 << 31)
+    with pytest.raises(GsvcError, match="2147483648 bytes; a picture takes at most 1073741824"):
+        open_video(tmp_path / "a.png")
 
 
 def test_pictures_that_differ_are_named(tmp_path):

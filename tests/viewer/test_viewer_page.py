@@ -194,7 +194,7 @@ def test_followed_splats_are_those_of_the_maps(new_page):
       const data = Uint8Array.from(atob(GSVC.EXAMPLE.base64), (character) => character.charCodeAt(0));
       const { frames, frame } = GSVC.openStream(data);
       const decoded = frames.map((_, n) => frame(n));
-      const stream = { frames, frame: (n) => decoded[n] };
+      const stream = { frames, frame: Object.assign((n) => decoded[n], { distance: () => 0 }) };
       const lost = [];
       for (let n = 1; n < stream.frames.length; n++) {
         const { type, splatCount, survivorCount } = stream.frames[n];

@@ -1,6 +1,7 @@
 """The viewer as `gsvc view` opens it: beside the source, with a stream that grows, and with what damage has left."""
 
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from gsvc_ref import decode
 from gsvc_ref import open as open_stream
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import open_writer
+from gsvc_tools.viewing.entrance import Entrance
 from gsvc_tools.viewing.server import Viewing, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import GrowingFile, WholeFile
@@ -88,6 +90,18 @@ def test_the_source_is_beside_the_stream_and_measured(new_page, noisy):
         page.wait_for_function("() => document.title.startsWith('example.gsvc')")
         assert page.is_hidden("#beside")
         assert page.is_hidden("#psnr")
+
+
+def test_a_file_leads_the_browser_there_and_no_command_line_says_where(new_page):
+    page = new_page()
+    with serving(Viewing("a", WholeFile(PATH))) as server, closing(Entrance()) as entrance:
+        page.goto(entrance.lead_to(server.url).as_uri())
+        page.wait_for_url(server.url)
+        page.drawn()
+        assert server.is_known.is_set()
+        for path in Path("/proc").glob("[0-9]*/cmdline"):  # also of what the browser starts
+            with suppress(OSError):
+                assert server.token not in path.read_bytes().decode(errors="replace")
 
 
 def test_a_source_of_another_size_is_not_compared(new_page, tmp_path):

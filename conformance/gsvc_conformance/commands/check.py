@@ -27,18 +27,26 @@ STDIN: Final = Path("-")
 MAX_SHOWN: Final = 8
 """I-frames whose numbers a sentence has."""
 
+Counted = tuple[str, int, int, tuple[int, int] | None]
+"""What a decoder counts of a frame, as in a `Frame`."""
+
 OnFrame = Callable[[str, int], object]
 """Called with the name of the decoder and the number of the frame that it has read."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame of a stream: its type, splats, rendering work (5-1), and its bytes as section 5 counts them."""
+    """A frame of a stream: its type, splats, rendering work (5-1), and its bytes as section 5 counts them.
+
+    Of a stream with layers splats and work are those of all layers, as a level counts them (R-15.13-3); `base` has
+    those of the base, which are what a second counts (R-5-7).
+    """
 
     type: str
     splats: int
     work: int
     bytes: int
+    base: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -48,14 +56,14 @@ class Outcome:
     Attributes
     ----------
     frames
-        Type, splats and rendering work of each complete frame.
+        Type, splats and rendering work of each complete frame, and splats and work of its base if it may have layers.
     error
         ``KIND RULE BIT``; empty if it accepts the file.
     element, message
         The syntax element at fault, and the fault in words, as far as the decoder says.
     """
 
-    frames: tuple[tuple[str, int, int], ...]
+    frames: tuple[Counted, ...]
     error: str
     element: str = ""
     message: str = ""
@@ -125,7 +133,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
         "Each file is read by the decoder inside spec.md, which is slow, and by gsvc_ref where that is installed. "
         "Legal is what both accept: a stream by sections 3 to 8. No frame is rendered, as legality does not depend on "
-        "pixels. "
+        "pixels. A stream with layers is read in its highest quality. "
         "What no decoder checks is not checked here, such as the contents of ancillary chunks. Exit code 0: all files "
         "are legal; 1: one is not; 2: one cannot be read."
     )
@@ -209,7 +217,7 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
     header = Decoding(data).header
     chunks = _chunks(data)
     frames = tuple(
-        Frame(*frame, size) for frame, size in zip(first.frames, _frame_sizes(chunks), strict=False)
+        Frame(*frame[:3], size, frame[3]) for frame, size in zip(first.frames, _frame_sizes(chunks), strict=False)
     )  # fmt: skip
     return Finding(
         file, legal, decoders, first.error, first.element, last.message or _rule(first.error), other,
@@ -230,10 +238,10 @@ def _nothing(decoder: str, frame: int) -> None:
 
 
 def _by_spec(data: bytes, on_frame: OnFrame) -> Outcome:
-    decoding = Decoding(data)
+    decoding = Decoding(data, layers=True)
     found = []
     for number, frame in enumerate(decoding.frames()):
-        found.append((frame.type, len(frame.parameters), frame.work))
+        found.append((frame.type, len(frame.parameters), frame.work, frame.base))
         on_frame(SPEC, number)
     fault = decoding.fault
     return Outcome(
@@ -257,14 +265,15 @@ def _by_reference(data: bytes, on_frame: OnFrame) -> Outcome:
     return Outcome(tuple(found), "")
 
 
-def _reference_frames(data: bytes) -> Iterator[tuple[str, int, int]]:
+def _reference_frames(data: bytes) -> Iterator[Counted]:
     from gsvc_ref import rendering_work
     from gsvc_ref.stream import StreamReader
 
-    reader = StreamReader(data)
+    reader = StreamReader(data, layer=None)
+    size = reader.header.width, reader.header.height
     for frame in reader:
-        work = int(rendering_work(frame.splats.to_array(), reader.header.width, reader.header.height))
-        yield frame.type, len(frame.splats), work
+        base = None if frame.layers is None else (len(frame.base), rendering_work(frame.base, *size))
+        yield frame.type, len(frame.splats), rendering_work(frame.splats, *size), base
 
 
 def _chunks(data: bytes) -> list[tuple[str, int, int]]:
@@ -300,6 +309,8 @@ def least_level(header: Any, frames: tuple[Frame, ...], payload: int) -> int:
     needed = {name: max(amounts[name] for amounts in each) for name in AMOUNTS} | {"payload": payload}
     if header["flags"] & 2:
         k = spec["frames_of_second"](header)
+        for frame, amounts in zip(frames, each, strict=True):
+            amounts["splats"], amounts["work"] = frame.base or (frame.splats, frame.work)
         for name, share in spec["PER_SECOND"].items():
             seconds = (sum(amounts[name] for amounts in each[first : first + k]) for first in range(0, len(each), k))
             needed[name] = max(needed[name], -(-max(seconds) // share))

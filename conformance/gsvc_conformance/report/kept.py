@@ -1,32 +1,43 @@
 """The files of `run --keep DIR`: DIR/ID/in, DIR/ID/out and DIR/ID/expected of each wrong vector."""
 
+import os
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from gsvc_base.folders import OwnFolder
 from gsvc_conformance.expectations import Refusal
-from gsvc_conformance.process import write_inputs
+from gsvc_conformance.process import files_of
 from gsvc_conformance.runner import Judged
-from gsvc_conformance.scratch import remove
 
-PARTS: Final = ("in", "out", "expected")
+RECORD: Final = "kept.json"
+"""The file of each vector that lists what was kept of it."""
 
 
 def forget(folder: Path, names: Iterable[str]) -> None:
-    """Remove what an earlier run kept of some vectors, and nothing else."""
-    for name in names:
-        for part in PARTS:
-            remove(folder / name / part)
-        with suppress(OSError):  # it is not there, or holds something else
-            (folder / name).rmdir()
+    """Remove what an earlier run kept of some vectors, and nothing else.
+
+    Raises
+    ------
+    UsageError
+        The folder is not the user's own.
+    """
+    if os.path.lexists(folder):
+        with OwnFolder(folder, group=True) as own:
+            for name in names:
+                own.remove_listed(f"{name}/{RECORD}")
 
 
 def keep_files(folder: Path, judged: Judged) -> None:
-    """Keep what was asked, what was answered and what was expected, as files of the process protocol."""
-    home = folder / judged.vector.id
+    """Keep what was asked, what was answered and what was expected, as files of the process protocol.
+
+    Raises
+    ------
+    UsageError
+        The folder is not the user's own, or has something else in place of the vector's.
+    """
     expected = {
         name if not part else f"{name}.{part}": array
         for name, expectation in judged.vector.expected.items()
@@ -38,9 +49,10 @@ def keep_files(folder: Path, judged: Judged) -> None:
     given = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, np.ndarray)}
     arrays = {name: value for name, value in given.items() if value.dtype.kind in "biuf"}
     streams = {name: value for name, value in (judged.outputs or {}).items() if isinstance(value, bytes)}
+    files: dict[str, bytes] = {}
     for part, values in (("in", judged.vector.inputs), ("expected", expected), ("out", arrays | streams)):
-        (home / part).mkdir(parents=True, exist_ok=True)
-        write_inputs(home / part, values)
+        files |= {f"{part}/{name}": data for name, data in files_of(values).items()}
     for part, values in (("expected", refusals), ("out", texts)):
-        for name, text in values.items():
-            (home / part / f"{name}.txt").write_text(text, encoding="utf-8", errors="backslashreplace")
+        files |= {f"{part}/{name}.txt": text.encode("utf-8", "backslashreplace") for name, text in values.items()}
+    with OwnFolder(folder, group=True, parents=True) as own:
+        own.write_listed(f"{judged.vector.id}/{RECORD}", files)

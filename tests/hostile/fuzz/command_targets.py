@@ -6,7 +6,9 @@ import resource
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from functools import cache
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
@@ -82,8 +84,8 @@ def splat_files(data: bytes) -> str:
     """``gsvc import`` of an NPZ or a PLY file."""
     if data.startswith(b"ply"):
         return outcome("import", IMPORTS, data, ".ply")
-    with TemporaryDirectory() as folder, limited_memory():
-        path = Path(folder, "in.npz")
+    with emptied_folder() as folder, limited_memory():
+        path = folder / "in.npz"
         path.write_bytes(data)
         try:
             with NpzSplats(path) as splats:
@@ -104,13 +106,13 @@ def scenes(data: bytes) -> str:
 def outcome(command: str, ways: Ways, data: bytes, suffix: str) -> str:
     """Run a command on a file, in one of its ways; how it ended."""
     number = zlib.crc32(data)  # of the input, so that replaying it goes the same way
-    with TemporaryDirectory() as folder:
-        path = Path(folder, f"in{suffix}")
+    with emptied_folder() as folder:
+        path = folder / f"in{suffix}"
         path.write_bytes(data)
         named = {"IN": str(path), "BIT": str(number % (8 * len(data) + 9))}
         way = [named.get(word, word.replace("OUT", f"{folder}/out")) for word in ways[number % len(ways)]]
         status, said, complaint = ran(command, str(path), *way)
-        left = [path.name for path in Path(folder).rglob("*") if path.name.startswith(".") or path.suffix == ".part"]
+        left = [path.name for path in folder.rglob("*") if path.name.startswith(".") or path.suffix == ".part"]
         assert not left, f"left behind: {left}"
     lines = complaint.splitlines()
     assert status in (0, 1, 2), f"exit code {status}: {complaint}"
@@ -122,6 +124,26 @@ def outcome(command: str, ways: Ways, data: bytes, suffix: str) -> str:
         for text in said.splitlines() if command == "dump" else [said]:
             json.loads(text, parse_constant=_no_json)
     return ACCEPTED if status == 0 else f"exit {status}"
+
+
+@cache
+def own_folder() -> TemporaryDirectory[str]:
+    """The folder of this process, which goes with it: to make and remove one takes longer than an execution."""
+    return TemporaryDirectory(ignore_cleanup_errors=True)
+
+
+@contextmanager
+def emptied_folder() -> Iterator[Path]:
+    """A folder that is empty again after the block."""
+    folder = Path(own_folder().name)
+    try:
+        yield folder
+    finally:
+        for path in folder.iterdir():
+            if path.is_dir():
+                rmtree(path)
+            else:
+                path.unlink()
 
 
 def _no_json(constant: str) -> Any:

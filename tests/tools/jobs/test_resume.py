@@ -9,19 +9,25 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from errno import ENOSPC
+from hashlib import sha256
+from pathlib import Path
 
 import numpy as np
 import pytest
+from adopted import KINDS, as_nobody, in_the_way, only_root, posix
 from codec_cases import encoded, fast, paper_fast, paper_quick, video_format, waves
+from hostile.resume import kills
 from tools.jobs.test_killed import in_child
 from tools.jobs.test_side_by_side import Here, without_times
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_base.files import complete_file
+from gsvc_base.folders import OwnFolder
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.encoder import IncompleteEncodeError, encode, recording
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.stream import StreamWriter, decode
+from gsvc_ref.testing.faults import join_chunks, split_chunks
 from gsvc_tools.jobs import resume
 from gsvc_tools.jobs.code_version import code_version
 from gsvc_tools.jobs.groups import encode_segment
@@ -147,11 +153,11 @@ def test_each_group_is_a_stream_of_its_own(first_groups):
 def test_what_is_kept_is_on_the_disk_before_it_has_its_name(monkeypatch, tmp_path):
     asked = []
 
-    def noting(path, *, durable=False):
-        asked.append((path.name, durable))
-        return complete_file(path, durable=durable)
+    def noting(self, name, data, *, durable=False, write=OwnFolder.write):
+        asked.append((name, durable))
+        write(self, name, data, durable=durable)
 
-    monkeypatch.setattr(resume, "complete_file", noting)
+    monkeypatch.setattr(OwnFolder, "write", noting)
     begun(tmp_path / "kept")
     assert asked == [("encode.json", True), ("00000000.gsvc", True), ("00000003.gsvc", True)]
 
@@ -276,12 +282,163 @@ def test_a_group_of_another_stream_is_encoded_again(kept, whole, tmp_path):
     assert "is of another stream" in report.notes[1]
 
 
+def others_of(kept, tmp_path) -> dict[str, bytes]:
+    """Groups that are sound, and not the second group of a folder."""
+    clip = [255 - frame for frame in CLIP]
+    with pytest.raises(EndedError):
+        encode((until(8, clip), SMALL), io.BytesIO(), PLAIN, resume=tmp_path / "other")
+    first, second = (split_chunks((kept / f"{number:08}.gsvc").read_bytes()) for number in (0, 3))
+    frames = [b"I", b"P", b"R"]
+    theirs = iter([chunk for chunk in first if chunk[0] in frames])
+    mixed = [next(theirs) if chunk[0] in frames else chunk for chunk in second]
+    prefix = (kept / "00000000.gsvc").read_bytes()[:PREFIX_SIZE]
+    return {
+        "the first group": (kept / "00000000.gsvc").read_bytes(),
+        "of another folder": (tmp_path / "other" / "00000003.gsvc").read_bytes(),
+        "frames of the first group": join_chunks(mixed, prefix=prefix),
+        "too few records": join_chunks([c for c in second if c[0] != b"p"], prefix=prefix),
+    }
+
+
+@pytest.mark.parametrize(
+    "which", ["the first group", "of another folder", "frames of the first group", "too few records"]
+)
+def test_a_sound_group_in_the_wrong_place_is_encoded_again(kept, whole, tmp_path, which):
+    """It ended the encode, as if the source had changed, or frames and records of two groups came together."""
+    (kept / "00000003.gsvc").write_bytes(others_of(kept, tmp_path)[which])
+    report, data = gone_on(kept)
+    assert data == whole
+    assert report.notes[0] == f"3 frames in 1 group of pictures were taken from {kept}"
+    assert report.notes[1].startswith(f"{kept / '00000003.gsvc'} ")
+    assert "so its frames were encoded again" in report.notes[1]
+    assert not kept.exists()
+
+
+@posix
+@pytest.mark.parametrize("kinds", [("link", "FIFO"), ("dangling link", "device"), ("folder", "link")], ids=" and ".join)
+def test_what_is_not_a_file_is_encoded_again(kept, whole, tmp_path, kinds):
+    """A FIFO was waited for, what a link led to was overwritten, and behind a folder nothing was kept or removed."""
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"precious")
+    paths = [kept / "00000000.gsvc", kept / "00000003.gsvc"]
+    for kind, path in zip(kinds, paths, strict=True):
+        in_the_way(kind, path, victim)
+    report, data = gone_on(kept)
+    assert data == whole
+    assert victim.read_bytes() == b"precious"
+    assert not (tmp_path / "nowhere").exists()
+    again = [
+        f"{path} cannot be read, so its frames were encoded again: {path} is not a regular file: remove it"
+        for path in paths
+    ]
+    assert set(report.notes) >= set(again)
+    if "folder" in kinds:
+        assert f"the group from frame 0 on could not be kept: {paths[0]} is a folder: remove it" in report.notes
+        assert list(kept.iterdir()) == [paths[0]]
+    else:
+        assert not kept.exists()
+
+
+@posix
+@pytest.mark.parametrize("name", ["encode.json", "lock"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_not_a_file_is_refused_in_place_of_a_record_or_lock(kept, tmp_path, kind, name):
+    in_the_way(kind, kept / name, tmp_path / "victim")
+    said = (
+        rf"{name} cannot be read\): encode as before"
+        if name == "encode.json"
+        else "lock is not a regular file: remove it"
+    )
+    with pytest.raises(UsageError, match=said):
+        gone_on(kept)
+    assert not (tmp_path / "victim").exists()
+    assert len(list(kept.glob("*.gsvc"))) == 2
+
+
+@posix
+def test_a_folder_that_no_encode_made_is_refused_and_stays(tmp_path):
+    """All files of digits were removed from it, and links in it were written through."""
+    clips, link = tmp_path / "clips", tmp_path / "out.gsvc.resume"
+    clips.mkdir()
+    (clips / "2024.gsvc").write_bytes(b"precious")
+    link.symlink_to("clips")
+    for folder, said in ((clips, "so this command did not make it"), (link, "is a link")):
+        with pytest.raises(UsageError, match=said):
+            gone_on(folder)
+    assert (clips / "2024.gsvc").read_bytes() == b"precious"
+    assert len(list(clips.iterdir())) == 1
+
+
+def test_a_file_of_a_group_that_this_encode_does_not_have_stays(kept):
+    (kept / "00002024.gsvc").write_bytes(b"precious")
+    gone_on(kept)
+    assert [path.name for path in kept.iterdir()] == ["00002024.gsvc"]
+
+
+def test_a_record_that_was_changed_is_refused(kept):
+    about = json.loads((kept / "encode.json").read_text())
+    (kept / "encode.json").write_text(json.dumps(about | {"mark": "mine"}))
+    with pytest.raises(UsageError, match=r"encode\.json cannot be read"):
+        gone_on(kept)
+
+
+def test_a_disk_that_is_full_from_the_start_leaves_nothing(monkeypatch, tmp_path):
+    def full(self, name, data, **options):
+        raise OSError(ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(OwnFolder, "write", full)
+    with pytest.raises(OSError, match="No space"):
+        gone_on(tmp_path / "kept")
+    assert list(tmp_path.iterdir()) == []
+
+
+@only_root
+def test_another_user_cannot_prepare_or_use_the_folder(monkeypatch, tmp_path):
+    """In a folder where everybody may write, as many have: a folder with a link that leads to a file of ours."""
+    monkeypatch.chdir(tmp_path)
+    tmp_path.chmod(0o777)
+    victim = tmp_path / "victim"
+    victim.write_bytes(b"precious")
+    victim.chmod(0o600)
+    folder = Path("out.gsvc.resume")
+
+    def prepare():
+        folder.mkdir(0o777)
+        (folder / "00000000.gsvc").symlink_to("../victim")
+        folder.chmod(0o777)
+
+    as_nobody(prepare)
+    with pytest.raises(UsageError, match="belongs to another user"):
+        gone_on(folder)
+    as_nobody(lambda: (folder / "00000000.gsvc").unlink())
+    as_nobody(folder.rmdir)
+    as_nobody(lambda: folder.symlink_to(tmp_path))
+    with pytest.raises(UsageError, match="is a link"):
+        gone_on(folder)
+    as_nobody(folder.unlink)
+    begun(folder)
+
+    def attack():
+        for work in (
+            lambda: os.listdir(folder), (folder / "00000000.gsvc").read_bytes, (folder / "00000000.gsvc").unlink,
+            lambda: (folder / "00000003.gsvc").symlink_to("../victim"), lambda: os.mkfifo(folder / "lock"),
+            lambda: gone_on(folder),
+        ):  # fmt: skip
+            with pytest.raises((PermissionError, UsageError)):
+                work()
+
+    as_nobody(attack)
+    assert gone_on(folder)[0].notes == [f"6 frames in 2 groups of pictures were taken from {folder}"]
+    assert victim.read_bytes() == b"precious"
+
+
 @pytest.mark.parametrize(
     "change",
     [
         {"digest": 5}, {"seconds": "1"}, {"seconds": -1}, {"seconds": None}, {"psnr": True}, {"iterations": 1.5},
         {"stages": []}, {"decisions": [[]]}, {"decisions": [["gsa", True, "", 0, 0, 0, 0]]}, {"reason": 5},
         {"decisions": [["none", True, "x", 0, 0, 0.0]]}, {"layers": ["x"]}, {"layers": None}, {"reason": "\x1b"},
+        {"seconds": 10**400}, {"psnr": -(10**400)},
     ],
     ids=str,
 )  # fmt: skip
@@ -300,19 +457,21 @@ def stream_with(record) -> bytes:
     file = io.BytesIO()
     header = SequenceHeader(level=1, width=24, height=16, profile=1, lane_count=1)
     writer = StreamWriter(file, header, index=False)
+    begin = writer.offset
     writer.write_frame(MainCodes(type="I"))
     writer.write_ancillary("p", OURS + json.dumps(record).encode())
-    writer.finish(("q", OURS + b'{"decided": []}'))
+    whole = {"decided": [], "mark": "", "first": 0, "chunks": sha256(file.getvalue()[begin:]).hexdigest()}
+    writer.finish(("q", OURS + json.dumps(whole).encode()))
     return file.getvalue()
 
 
 def test_a_disk_that_is_full_ends_only_the_keeping(monkeypatch, tmp_path, whole):
-    def full(path, *, durable=False):
-        if path.name == "00000003.gsvc":
+    def full(self, name, data, *, durable=False, write=OwnFolder.write):
+        if name == "00000003.gsvc":
             raise OSError(ENOSPC, "No space left on device")
-        return complete_file(path, durable=durable)
+        write(self, name, data, durable=durable)
 
-    monkeypatch.setattr(resume, "complete_file", full)
+    monkeypatch.setattr(OwnFolder, "write", full)
     report, data = gone_on(tmp_path / "kept")
     assert data == whole
     assert report.notes == [
@@ -367,6 +526,13 @@ def test_killed_at_any_moment(tmp_path, whole, moments):
         taken = report.notes[0] if report.notes else "0 frames"
         assert taken.startswith(f"{3 * groups} frames")
         assert not folder.exists()
+
+
+@posix
+@pytest.mark.exhaustive
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_fifty_kills_and_what_may_happen_between_them(tmp_path):
+    assert kills(50, 1, tmp_path)
 
 
 def test_digests_are_of_shape_type_and_samples():

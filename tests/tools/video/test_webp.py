@@ -101,6 +101,18 @@ def test_damaged_files_end_in_a_sentence(tmp_path):
             assert len(list(reader)) <= 6
 
 
+def test_a_file_that_would_fill_the_memory_is_refused(tmp_path):
+    path = save(tmp_path / "a.webp", [40, 40])
+    data = bytearray(path.read_bytes())
+    data[4:8] = (1 << 31).to_bytes(4, "little")
+    with path.open("wb") as file:
+        file.write(data)
+        file.truncate(1 << 34)
+    with pytest.raises(GsvcError, match="an animated WebP has 2147483656 bytes") as caught:
+        open_video(path)
+    assert caught.value.kind == "limit"
+
+
 def test_a_still_webp_is_a_video_of_one_frame(tmp_path):
     Image.fromarray(picture()).save(tmp_path / "a.webp", lossless=True)
     with open_video(tmp_path / "a.webp", background="orange") as reader:

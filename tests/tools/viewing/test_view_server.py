@@ -6,25 +6,32 @@ import json
 import os
 import shutil
 import socket
+import stat
 import threading
-from contextlib import closing
+import time
+from contextlib import ExitStack, closing
 from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from gsvc_base.errors import UsageError
+from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import try_lock
+from gsvc_ref.stream.source import Source
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 from gsvc_tools.viewing import pages
+from gsvc_tools.viewing import server as server_module
+from gsvc_tools.viewing.entrance import Entrance
 from gsvc_tools.viewing.pages import viewer_files
-from gsvc_tools.viewing.server import Server, Viewing, parse_range, serving
+from gsvc_tools.viewing.server import MOST_STRANGERS, STRANGER_S, Server, Viewing, parse_range, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
-from gsvc_tools.viewing.streams import GrowingFile, Pipe, WholeFile, is_end
+from gsvc_tools.viewing.streams import SENT_AT_ONCE, GrowingFile, Pipe, WholeFile, is_end, read_to_end_chunk
 
 TIMEOUT_S = 60
+STREAMS = Path(__file__).parents[3] / "vectors" / "core" / "decode_stream_deterministic"
 STREAM = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
 
 
@@ -240,6 +247,106 @@ def test_a_port_that_is_taken():
             Server(Viewing("a", WholeFile(Path("a"))), port)
 
 
+# ---- who waits
+
+
+def wait_until(holds):
+    deadline = time.monotonic() + TIMEOUT_S
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.002)
+
+
+def stranger(server, sent=b""):
+    connection = socket.create_connection(("127.0.0.1", server.server_port), timeout=TIMEOUT_S)
+    connection.sendall(sent)
+    return connection
+
+
+def ends(connection):
+    """Whether the server ends a connection without an answer."""
+    with connection:
+        return connection.recv(1) == b""
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """clock(seconds): the time of the server goes on by so much, and not by itself."""
+    now = [0.0]
+    monkeypatch.setattr(server_module, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=time.sleep))
+    return lambda seconds: now.__setitem__(0, now[0] + seconds)
+
+
+def accepted(server, count):
+    """Wait until a server has so many strangers."""
+    wait_until(lambda: len(server._strangers) == count)
+
+
+@pytest.mark.parametrize("sent", [b"", b"GET /", b"GET / HTTP/1.1\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nX: "])
+def test_a_stranger_may_not_stay(server, clock, sent):
+    waiting = stranger(server, sent)
+    accepted(server, 1)
+    clock(STRANGER_S - 0.1)
+    waiting.sendall(b"a")  # gives it no more time
+    accepted(server, 1)
+    clock(0.1)
+    assert ends(waiting)
+
+
+def test_who_has_shown_the_token_may_stay(server, clock):
+    connection = http.client.HTTPConnection("127.0.0.1", server.server_port, timeout=TIMEOUT_S)
+    with closing(connection), ExitStack() as stack:
+        for _ in range(3):
+            connection.request("GET", f"/{server.token}/stream")
+            assert connection.getresponse().read() == STREAM
+            assert connection.sock is not None
+            connection.auto_open = False  # another connection would be no proof
+            waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 1)]
+            assert ends(waiting[0])  # so all have come
+            clock(STRANGER_S)
+            accepted(server, 0)
+
+
+def test_strangers_are_few(server, clock):
+    with ExitStack() as stack:
+        waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 3)]
+        assert all(ends(first) for first in waiting[:3])
+        assert ask(server, "stream")[2] == STREAM
+        for later in waiting[4:]:  # in the place of one more that came, if it was not at once that it showed the token
+            later.setblocking(False)
+            with pytest.raises(BlockingIOError):
+                later.recv(1)
+        last = waiting[-1]
+        last.settimeout(TIMEOUT_S)
+        last.sendall(f"GET /{server.token}/view.json HTTP/1.0\r\nHost: {min(server.hosts)}\r\n\r\n".encode())
+        assert last.recv(12) == b"HTTP/1.1 200"
+
+
+# ---- the way there
+
+
+def test_the_entrance_is_for_its_owner_alone(server):
+    with closing(Entrance()) as entrance:
+        assert not entrance.is_open()
+        page = entrance.lead_to(server.url)
+        assert entrance.is_open()
+        assert f'content="0; url={server.url}"' in page.read_text()
+        assert server.token not in str(page)
+        if os.name == "posix":
+            assert [stat.S_IMODE(path.stat().st_mode) for path in (page, page.parent)] == [0o600, 0o700]
+    assert not page.parent.exists()
+    entrance.close()
+
+
+def test_the_entrance_is_where_a_browser_from_a_snap_may_look(tmp_path, monkeypatch):
+    monkeypatch.setattr(os.path, "expanduser", lambda _: str(tmp_path))
+    for by_snap in (False, True):
+        with closing(Entrance()) as entrance:
+            assert (entrance.lead_to("http://127.0.0.1:1/").parents[1] == tmp_path) == by_snap
+        (tmp_path / "snap").mkdir(exist_ok=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["snap"]
+
+
 # ---- streams that grow
 
 
@@ -338,3 +445,90 @@ def test_an_end_is_known_by_its_checksum():
 def test_an_empty_pipe_ends():
     with closing(Pipe(io.BytesIO())) as pipe, serving(Viewing("pipe", pipe)) as running:
         assert Follower(running).end() == b""
+
+
+@pytest.fixture
+def piped():
+    """piped(*pieces, most): a pipe that has brought some pieces, its size, and whether its writer is told to stop."""
+    with ExitStack() as stack:
+
+        def piped(*pieces, **limit):
+            reading, writing = os.pipe()
+            end = stack.enter_context(os.fdopen(reading, "rb"))
+            stack.callback(os.close, writing)
+            pipe = stack.enter_context(closing(Pipe(end, **limit)))
+            for piece in pieces:
+                before = pipe.size()
+                os.write(writing, piece)
+                wait_until(lambda before=before: pipe.size() > before or pipe.ended())
+            return pipe, writing
+
+        yield piped
+
+
+def pour(writing):
+    """Write without end, until nobody reads any more."""
+
+    def is_closed():
+        try:
+            os.write(writing, bytes(SENT_AT_ONCE))
+        except BlockingIOError:
+            return False
+        except BrokenPipeError:
+            return True
+        return False
+
+    os.set_blocking(writing, False)
+    wait_until(is_closed)
+
+
+def test_nothing_after_the_end_chunk_is_read(piped):
+    pipe, writing = piped(STREAM[:200], STREAM[200:])
+    wait_until(pipe.ended)
+    pour(writing)
+    assert pipe.read(0, 1 << 20) == STREAM
+    assert not pipe.is_full
+    pipe, writing = piped(STREAM + b"x" * 100)
+    pour(writing)
+    assert pipe.read(0, 1 << 20) == STREAM + b"x" * 100  # so that the page says that something follows
+
+
+def test_no_more_is_kept_than_allowed(piped):
+    damaged = STREAM[:100] + b"\0" * (len(STREAM) - 100)
+    for data, most in ((damaged, 150), (damaged, 100_000), (STREAM, 100), (damaged, len(STREAM))):
+        pipe, writing = piped(data, most=most)
+        pour(writing)
+        assert pipe.is_full
+        assert pipe.size() == most
+        assert pipe.read(0, 1 << 20) == (data + bytes(100_000))[:most]
+    pipe, writing = piped(STREAM, most=len(STREAM))
+    pour(writing)
+    assert not pipe.is_full
+
+
+def test_what_is_no_stream_is_not_read(piped):
+    pipe, writing = piped(b"YUV4MPEG2 W32")
+    pour(writing)
+    assert pipe.size() <= SENT_AT_ONCE
+
+
+def test_the_end_is_found_in_every_stream_and_in_pieces_of_every_size():
+    streams = [path.read_bytes() for path in sorted(STREAMS.glob("*/*.gsvc"))]
+    assert len(streams) > 20
+    for data in streams:
+        source = Source(io.BytesIO(data + b"E\x08 more"))
+        read_to_end_chunk(source)
+        assert source.offset == len(data)
+    for bit in range(8 * (len(STREAM) - 14), 8 * len(STREAM)):  # of the end chunk
+        changed = bytearray(STREAM)
+        changed[bit // 8] ^= 1 << bit % 8
+        with pytest.raises(GsvcError):
+            read_to_end_chunk(Source(io.BytesIO(changed)))
+
+    class Slow(io.BytesIO):
+        def read1(self, _size=-1):
+            return super().read1(3)
+
+    with closing(Pipe(Slow(STREAM + bytes(100)))) as pipe:
+        wait_until(pipe.ended)
+        assert pipe.size() == -(-len(STREAM) // 3) * 3

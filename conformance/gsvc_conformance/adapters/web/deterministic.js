@@ -47,12 +47,28 @@ globalThis.GSVC ??= {};
     }
   }
 
-  /** The sum C of splats over a frame, (H, W, 3); splats in ascending order at every pixel. */
-  function renderSumDeterministic(parameters, width, height) {
+  /**
+   * The steps to the sum C of splats over a frame, (H, W, 3), which is returned; splats in ascending order at every pixel.
+   * After each splat the part that is done is yielded.
+   */
+  function* renderingSteps(parameters, width, height) {
     const sum = new Float32Array(3 * width * height);
-    for (let at = 0; at < parameters.length; at += 8) addSplat(sum, parameters, at, width, height);
+    for (let at = 0; at < parameters.length; at += 8) {
+      addSplat(sum, parameters, at, width, height);
+      yield at / parameters.length;
+    }
     return sum;
   }
+
+  /** What steps return, taken without a pause. */
+  function finished(steps) {
+    for (;;) {
+      const { done, value } = steps.next();
+      if (done) return value;
+    }
+  }
+
+  const renderSumDeterministic = (...inputs) => finished(renderingSteps(...inputs));
 
   /** Samples of a bit depth: one byte at 8 bits, else two. */
   const samples = (count, bitDepth) => (bitDepth === 8 ? new Uint8Array(count) : new Uint16Array(count));
@@ -84,5 +100,5 @@ globalThis.GSVC ??= {};
     return parameters.map((value, i) => value * factors[i % 8]); // storing rounds
   }
 
-  Object.assign(GSVC, { renderSumDeterministic, toFrameDeterministic, toFrame, scaleParameters });
+  Object.assign(GSVC, { finished, renderingSteps, renderSumDeterministic, toFrameDeterministic, toFrame, scaleParameters });
 }

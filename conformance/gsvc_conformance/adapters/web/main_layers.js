@@ -8,9 +8,10 @@ globalThis.GSVC ??= {};
   /**
    * The layers of a stream up to the quality that is wanted: frames get their splats behind those of the base.
    *
-   * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters` and the `work` of
-   * these, what the frame `told` of them (main.toldOf), and their `first` splat in the frame before. Nothing changes such
-   * a Map. A chunk may have eight bytes: what it costs depends on the splats that it changes, not on all of the frame.
+   * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters`, the `work` and,
+   * where it is stated, the `checksum` of these, what the frame `told` of them (main.toldOf), and their `first` splat in
+   * the frame before. Nothing changes such a Map. A chunk may have eight bytes: what it costs depends on the splats that
+   * it changes, not on all of the frame.
    */
   class Layers {
     constructor(quality) {
@@ -104,11 +105,12 @@ globalThis.GSVC ??= {};
         this.last = layer;
         return;
       }
-      const stated = header.flags & 1 ? p.le(4) : null;
-      const checksumBit = p.element;
       const others = [...this.there].filter(([number]) => number !== layer);
       const otherSplats = others.reduce((sum, [, { parameters }]) => sum + parameters.length / 8, this.baseCount);
       const mostSplats = limits.splats - otherSplats;
+      if (type === "R" && known.parameters.length / 8 > mostSplats) throw new Fault("R-5-2", p.element);
+      const stated = header.flags & 1 ? p.le(4) : null;
+      const checksumBit = p.element;
       const body = type === "R" ? null : main.readBody(p, type, known?.state, header, mostSplats);
       p.checkFilled();
       const entry = body ? decoded(body.after, header) : { ...known };
@@ -116,7 +118,9 @@ globalThis.GSVC ??= {};
       const there = [...others, [layer, entry]].sort(([one], [other]) => one - other);
       const work = there.reduce((sum, [, layerThere]) => sum + layerThere.work, this.baseWork);
       if (work > limits.work) throw new Fault("R-5-4", chunkBit);
-      if (stated !== null && stated !== parameterChecksum(entry.parameters)) throw new Fault("R-6.4-3", checksumBit);
+      if (stated !== null && stated !== (entry.checksum ??= parameterChecksum(entry.parameters))) {
+        throw new Fault("R-6.4-3", checksumBit);
+      }
       this.there = new Map(there);
       this.last = layer;
       this.lost = this.lost.filter((other) => other !== layer);

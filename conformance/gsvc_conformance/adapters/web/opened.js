@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 
 {
-  const { Fault, Bits, main, summary, readChunk, readStart, readFrames, completeFrame } = GSVC;
+  const { Fault, Bits, main, summary, readChunk, readStart, readFrames, completeFrame, finished } = GSVC;
   const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
   const BEST = 3; // the highest layer that a stream can have
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
@@ -93,7 +93,7 @@ globalThis.GSVC ??= {};
 
     /** Reads as far as there are bytes; after each frame it yields how many were read. */
     *steps() {
-      if (this.header === null && !this.#start()) return;
+      if (!this.start()) return;
       const { s, state } = this;
       while (!this.done) {
         s.data = this.#readable();
@@ -117,8 +117,9 @@ globalThis.GSVC ??= {};
       }
     }
 
-    /** The prefix and the sequence header; whether reading can begin. */
-    #start() {
+    /** The prefix and the sequence header, before any frame is decoded; whether they are there and sound. */
+    start() {
+      if (this.header !== null || this.done) return this.header !== null;
       try {
         const { s, state } = readStart(this.bytes);
         Object.assign(this, { s, state, header: state.header });
@@ -251,23 +252,31 @@ globalThis.GSVC ??= {};
 
     // ---- seeking
 
-    /** A function of n that gives the frame at n; going forwards reads each frame once. */
+    /**
+     * A function of n that gives the frame at n; going forwards reads each frame once.
+     *
+     * `steps(n)` takes the way there, which may be long, frame by frame, and returns what the function gives; `distance(n)`
+     * is how many frames have to be decoded for it.
+     */
     seeker() {
       let current = null; // { state, next }: the state behind the frame that was read last
       let last = null; // that frame, and where it stands
-      return (n) => {
-        const { bytes, frames, states } = this;
-        if (!(n in frames)) throw new RangeError(`there is no frame ${n}`);
-        if (last === null || last.at !== n) {
-          const nearest = states.before(n, frames);
-          if (!current || current.next > n || current.next < nearest.next) current = nearest;
-          while (current.next <= n) {
-            const at = current.next++;
-            last = { at, frame: frameAgain(bytes, frames[at], current.state) };
-          }
+      const from = (n) => { // what to go on from
+        if (!(n in this.frames)) throw new RangeError(`there is no frame ${n}`);
+        const nearest = this.states.before(n, this.frames);
+        return !current || current.next > n || current.next < nearest.next ? nearest : current;
+      };
+      const steps = function* (n) {
+        while (last?.at !== n) {
+          current = from(n); // again after each step: meanwhile somebody may have asked for another frame
+          const at = current.next++;
+          last = { at, frame: frameAgain(this.bytes, this.frames[at], current.state) };
+          if (at !== n) yield at;
         }
         return { parameters: last.frame.parameters, origins: originsOf(last.frame) };
-      };
+      }.bind(this);
+      const distance = (n) => (last?.at === n ? 0 : n + 1 - from(n).next);
+      return Object.assign((n) => finished(steps(n)), { steps, distance });
     }
   }
 
@@ -334,8 +343,7 @@ globalThis.GSVC ??= {};
   function openStream(bytes, mostKept = MAX_KEPT, quality = BEST) {
     const reading = new StreamReading({ mostKept, quality });
     reading.append(bytes, true);
-    const steps = reading.steps();
-    while (!steps.next().done);
+    finished(reading.steps());
     return openedOf(reading);
   }
 
@@ -352,19 +360,22 @@ globalThis.GSVC ??= {};
   }
 
   /** Have a reading go as far as there are bytes, and let the page go on every LONGEST_STEP. */
-  async function readInSteps(reading, onProgress = () => {}, signal = null) {
-    const steps = reading.steps();
+  const readInSteps = (reading, onProgress = () => {}, signal = null) =>
+    inSteps(reading.steps(), (at) => onProgress(at / reading.size), signal);
+
+  /** What steps return; every LONGEST_STEP it tells what they yield, and lets the page go on. */
+  async function inSteps(steps, onProgress = () => {}, signal = null) {
     let rested = performance.now();
     for (;;) {
       const { done, value } = steps.next();
-      if (done) return;
+      if (done) return value;
       if (performance.now() - rested < LONGEST_STEP) continue;
-      onProgress(value / reading.size);
+      onProgress(value);
       await new Promise((resolve) => setTimeout(resolve));
       signal?.throwIfAborted();
       rested = performance.now();
     }
   }
 
-  Object.assign(GSVC, { StreamReading, openStream, openStreamInSteps, readInSteps });
+  Object.assign(GSVC, { LONGEST_STEP, StreamReading, openStream, openStreamInSteps, readInSteps, inSteps });
 }

@@ -28,6 +28,7 @@ globalThis.GSVC ??= {};
     forget() {
       this.parameters = new Float32Array(0);
       this.work = 0; // of these splats, in pairs
+      this.checksum = null; // and their checksum, if the stream has some
       this.kept = { intra: {}, inter: {} };
     }
 
@@ -165,13 +166,12 @@ globalThis.GSVC ??= {};
     if (!isKnown && !areFinite(parameters)) throw new Fault("R-8-1", bit);
     const work = isKnown ? state.work : renderingWork(parameters, width, height);
     if (work > state.limits.work) throw new Fault("R-5-4", bit);
-    if (frame.checksum !== null && frame.checksum !== parameterChecksum(parameters)) {
-      throw new Fault("R-6.4-3", frame.checksumBit);
-    }
+    const checksum = frame.checksum === null ? null : isKnown ? state.checksum : parameterChecksum(parameters);
+    if (frame.checksum !== checksum) throw new Fault("R-6.4-3", frame.checksumBit);
     Object.assign(frame, { parameters, work });
     frame.parts[0].count = parameters.length / 8;
     if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
-    Object.assign(state, { parameters, work });
+    Object.assign(state, { parameters, work, checksum });
     if (profile === MAIN) state.main = frame.after;
     state.nextNumber += 1;
     state.layers?.begin(frame);
