@@ -31,3 +31,13 @@ HALF: Final = np.float32(0.5)
 """From the corner of a pixel to its centre."""
 
 ONE: Final = np.float32(1)
+
+LUMA_WEIGHTS: Final = {
+    1: (0.2126, 0.0722),
+    4: (0.30, 0.11),
+    5: (0.299, 0.114),
+    6: (0.299, 0.114),
+    7: (0.212, 0.087),
+    9: (0.2627, 0.0593),
+}
+"""K_R and K_B by `matrix_coefficients` (ITU-T H.273, table 4; section 11.1)."""

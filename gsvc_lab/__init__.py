@@ -9,8 +9,9 @@ people read of all that. With gsvc_lab installed, gsvc_ref opens
 
 from gsvc_lab.scenes.names import SCENES as _SCENES
 from gsvc_ref import plugins as _plugins
+from gsvc_tools.cli.encode_page import set_page_writer as _set_page_writer
 
 _plugins.add_source(_SCENES)
-_plugins.set_page_writer("gsvc_lab.cli.report")
+_set_page_writer("gsvc_lab.cli.report")
 for _command in ("report", "bench", "accuracy", "scene", "demo"):
     _plugins.add_command(_command, f"gsvc_lab.cli.{_command}")

@@ -50,22 +50,10 @@ def _tell(call: Callable[..., Any], function: Callable[..., Any], options: dict[
     overload(call, jit_options=options, strict=False)(meant)
 
 
-PREFER_256: Final = frozenset(
-    {
-        "skylake-avx512",
-        "cascadelake",
-        "cooperlake",
-        "cannonlake",
-        "icelake-client",
-        "icelake-server",
-        "tigerlake",
-        "rocketlake",
-        "sapphirerapids",
-        "emeraldrapids",
-        "graniterapids",
-        "graniterapids-d",
-    }
-)
+PREFER_256: Final = frozenset((
+    "skylake-avx512", "cascadelake", "cooperlake", "cannonlake", "icelake-client", "icelake-server", "tigerlake",
+    "rocketlake", "sapphirerapids", "emeraldrapids", "graniterapids", "graniterapids-d",
+))  # fmt: skip
 """Intel's processors with AVX-512 by LLVM's names. For them alone LLVM makes vectors of 256 bits where it might make
 some of 512: the first of them had to lower their clock for these. For AMD's it makes what suits them already."""
 

@@ -8,8 +8,7 @@ package offers, by the functions here:
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
 - `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
-- `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`;
-- `set_page_writer`: the page of ``gsvc encode --report``.
+- `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
 most is registered with the name of a module, which is imported when it is used.
@@ -64,29 +63,6 @@ class MakeVmafMeter(Protocol):
         """A new `VmafMeter` for frames whose largest sample value is `peak`."""
 
 
-class PageWriter(Protocol):
-    """Writes a page about an encode."""
-
-    def __call__(
-        self,
-        file: str,
-        source: str | None,
-        start: int,
-        page: str,
-        encoded: Any,
-        command: str,
-        *,
-        quiet: bool,
-        background: tuple[int, int, int] | None,
-    ) -> None:
-        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again).
-
-        What is transparent in the source is shown on the background.
-
-        `encoded` is the `EncodeReport`.
-        """
-
-
 _commands: Final[dict[str, str]] = {}
 _names: Final[dict[str, str]] = {}
 _sources: Final[list[NamedSource]] = []
@@ -94,7 +70,6 @@ _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
 _vmaf_meters: Final[list[str]] = []
-_page_writers: Final[list[str]] = []
 
 
 def add_command(name: str, module: str) -> None:
@@ -134,11 +109,6 @@ def set_encoder(module: str) -> None:
 def set_vmaf_meter(module: str) -> None:
     """Let `gsvc_ref.metrics.compare_frames` score VMAF by the class ``VmafMeter`` of a module."""
     _vmaf_meters.append(module)
-
-
-def set_page_writer(module: str) -> None:
-    """Let ``gsvc encode --report`` write its page by the function ``after_encode`` of a module."""
-    _page_writers.append(module)
 
 
 def commands() -> Mapping[str, str]:
@@ -198,12 +168,6 @@ def vmaf_meter() -> MakeVmafMeter | None:
     """The meter of the module that was given to `set_vmaf_meter` last, or None."""
     _load()
     return cast("MakeVmafMeter", import_module(_vmaf_meters[-1]).VmafMeter) if _vmaf_meters else None
-
-
-def page_writer() -> PageWriter | None:
-    """The function of the module that was given to `set_page_writer` last, or None."""
-    _load()
-    return cast("PageWriter", import_module(_page_writers[-1]).after_encode) if _page_writers else None
 
 
 @cache

@@ -140,3 +140,13 @@ def test_unnamed_constants_have_the_values_of_the_table():
         ours = OTHERS[meaning]
         if ours is not None:
             assert ours == (float.fromhex(hexadecimal.strip("`")) if hexadecimal else int(value)), meaning
+
+
+def test_the_copy_in_an_adapter_that_takes_nothing_from_us_is_equal():
+    path = ROOT / "conformance" / "gsvc_conformance" / "adapters" / "pytorch" / "color.py"
+    (table,) = (
+        node.value
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.AnnAssign) and node.target.id == "LUMA_WEIGHTS"
+    )
+    assert ast.literal_eval(table) == spec.namespace()["LUMA_WEIGHTS"]

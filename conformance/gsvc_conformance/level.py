@@ -30,31 +30,32 @@ def level_of(operation: Operation, inputs: Values) -> int:
     streams = [value for value in inputs.values() if isinstance(value, bytes)]
     if streams:
         return max(map(_stated_level, streams))
-    from gsvc_ref.bitstream import LEVELS as LIMITS
+    from gsvc_base import spec
 
     pixels = max(_pixels(operation, inputs), default=0)
     splats = max(splat_counts(operation, inputs), default=0)
     work = max(_works(inputs), default=0)
     fitting = (
-        number for number, level in LIMITS.items()
-        if pixels <= level.pixels and splats <= level.splats and work <= level.work
+        number for number, level in spec.LEVELS.items()
+        if pixels <= level["pixels"] and splats <= level["splats"] and work <= level["work"]
     )  # fmt: skip
     return next(fitting, max(LEVELS))
 
 
 def _stated_level(stream: bytes) -> int:
     """The element `level` of a sequence header that stands where it must; else 1."""
-    stated = header_payload(stream)[1:2]  # behind `profile`
+    stated = header_payload(stream)[1:2]  # after `profile`
     return stated[0] if stated and stated[0] in LEVELS else 1
 
 
 def header_payload(stream: bytes) -> bytes:
     """A stream from the payload of its sequence header on; empty if no such chunk stands where it must."""
-    from gsvc_ref.bitstream.chunks import MAGIC, PREFIX_SIZE
+    from gsvc_base import spec
 
-    if not stream.startswith(MAGIC) or stream[PREFIX_SIZE : PREFIX_SIZE + 1] != b"H":
+    prefix = len(spec.MAGIC) + 2  # with the version
+    if not stream.startswith(spec.MAGIC) or stream[prefix : prefix + 1] != b"H":
         return b""
-    payload = PREFIX_SIZE + 2  # behind the type and the length, a uv
+    payload = prefix + 2  # after the type and the length, a uv
     while stream[payload - 1 : payload] >= b"\x80":
         payload += 1
     return stream[payload:]
@@ -87,13 +88,14 @@ def _works(inputs: Values) -> Iterator[int]:
     """The rendering work of the splats that are drawn, of those of another size, too."""
     if "parameters" not in inputs:
         return
-    import gsvc_ref
+    from gsvc_base import spec
 
     parameters = inputs["parameters"]
     if "residual" in inputs:
         height, width = inputs["residual"].shape[:2]
-        yield gsvc_ref.rendering_work(parameters, width, height)
+        yield spec.rendering_work(parameters, width, height)["work"]
     elif "width" in inputs:
-        yield gsvc_ref.rendering_work(parameters, inputs["width"], inputs["height"])
+        yield spec.rendering_work(parameters, inputs["width"], inputs["height"])["work"]
     if "new_width" in inputs:
-        yield gsvc_ref.rendering_work(gsvc_ref.scale_parameters(**inputs), inputs["new_width"], inputs["new_height"])
+        scaled = spec.scale_parameters(**inputs)["parameters"]
+        yield spec.rendering_work(scaled, inputs["new_width"], inputs["new_height"])["work"]

@@ -13,6 +13,7 @@ from gsvc_base.splats import Splats
 from gsvc_lab.accuracy.cutoff import cut_sum
 from gsvc_lab.accuracy.measure import Errors
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.encoder.initialization import Growth, image_start, residual_splats
 from gsvc_ref.encoder.main.edges import NEW_SIZE
 from gsvc_ref.encoder.settings import PIXELS_PER_SPLAT, PaperSettings
 from gsvc_ref.paper import FrameCodes, State
@@ -26,18 +27,15 @@ from gsvc_ref.training import (
     Cosine,
     FitSettings,
     FrameQuantizer,
-    Growth,
     OnIteration,
     Population,
     Rates,
     Schedule,
     fine_tune,
     fit,
-    image_start,
     random_splats,
     uniform_numbers,
 )
-from gsvc_ref.training.augmentation import residual_splats
 
 QUICK_FIT: Final = FitSettings(
     iterations=150, rates=Rates(1.0, 0.5, 0.05, 0.05), schedule=Cosine(steps=150, final=0.02),

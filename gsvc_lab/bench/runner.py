@@ -17,7 +17,7 @@ from gsvc_lab.bench.measure import Curve, Point, codec_point, gsvc_point, point_
 from gsvc_lab.bench.planes import PlanarClip
 from gsvc_ref.encoder import Settings
 
-MOST_POINTS: Final = len(WIDER)
+MAX_CURVE_POINTS: Final = len(WIDER)
 """Points that a curve can have."""
 
 
@@ -164,7 +164,7 @@ def measure(
     entries
         The coders.
     points
-        Points of a curve, 2 to MOST_POINTS.
+        Points of a curve, 2 to MAX_CURVE_POINTS.
     folder
         Folder for files, which are overwritten.
     threads

@@ -14,7 +14,6 @@ from gsvc_lab.pages.data import Choice, FrameRecord, Layer, ReportData
 from gsvc_lab.pages.pictures import MAX_PREVIEW_FRAMES
 from gsvc_lab.report.material import Material, gather, shrinking
 from gsvc_lab.report.peers import Against, OnStep, against_x264
-from gsvc_ref.cli.damage import all_gaps
 from gsvc_ref.cli.encode_text import effects_line
 from gsvc_ref.cli.files import describe_format
 from gsvc_ref.encoder import EncodeReport
@@ -23,6 +22,7 @@ from gsvc_ref.stream import FrameSummary, StreamSummary
 from gsvc_ref.video.alpha import Background
 from gsvc_tools.cli.compare import Side, open_side
 from gsvc_tools.cli.decisions import stream_decisions
+from gsvc_tools.cli.info import all_gaps
 
 MAX_KEYS: Final = 2
 """Key frames beside the first that are shown."""

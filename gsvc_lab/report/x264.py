@@ -29,8 +29,8 @@ SLOPE: Final = 0.85
 """Decibels that a step of the CRF costs, roughly: where to try next."""
 
 MAX_PIXELS: Final = 40_000_000
-LEAST_FRAMES: Final = 16
-MOST_FRAMES: Final = 250
+MIN_FRAMES: Final = 16
+MAX_CLIP_FRAMES: Final = 250
 """Pixels of all frames that x264 gets, about, and how many frames that may be."""
 
 Say = Callable[[str], None]
@@ -58,7 +58,7 @@ class Peer:
 
 def sample_frames(width: int, height: int, count: int) -> int:
     """The number of frames that x264 gets of a clip of `count` frames."""
-    most = min(max(MAX_PIXELS // (width * height), LEAST_FRAMES), MOST_FRAMES)
+    most = min(max(MAX_PIXELS // (width * height), MIN_FRAMES), MAX_CLIP_FRAMES)
     return min(most, count)
 
 

@@ -104,16 +104,6 @@ def is_ancillary(chunk_type: int) -> bool:
     return bytes([chunk_type]).islower()
 
 
-def is_safe_to_copy(chunk_type: int) -> bool:
-    """Whether an ancillary chunk stays right when frames are changed, cut, added or renumbered (R-6.2-7)."""
-    return chunk_type & 1 != 0
-
-
-def belongs_to_frame(chunk_type: int) -> bool:
-    """Whether an ancillary chunk belongs to the last frame before it, if there is one, not to the stream (R-6.2-6)."""
-    return chunk_type & 2 != 0
-
-
 def check_private(chunk_type: int, payload: Bytes) -> None:
     """Refuse a payload of an ancillary chunk that lacks what its type demands: a private one, its UUID (R-6.2-8)."""
     if chunk_type in PRIVATE and len(payload) < UUID_SIZE:

@@ -59,7 +59,7 @@ MAIN: Final = 1
 PROFILES: Final = ("paper", "main")
 """The names of the profiles, by `profile`."""
 
-MOST_LAYERS: Final = 4
+MAX_LAYERS: Final = 4
 """The layers of a frame at most, with the base (section 15.2)."""
 
 _OF_PROFILE: Final = (
@@ -72,7 +72,7 @@ _OF_PROFILE: Final = (
     ),
     (
         ("lane_count", 1, 1, 64),
-        ("layer_count", 1, 1, MOST_LAYERS),
+        ("layer_count", 1, 1, MAX_LAYERS),
     ),
 )
 """After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""

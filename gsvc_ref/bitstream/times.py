@@ -20,10 +20,10 @@ TIMES: Final = "t"
 FRAME_NUMBERS: Final = 1 << 32
 """Frames of a stream are numbered below this."""
 
-MOST_RUNS: Final = 1 << 12
+MAX_TIME_RUNS: Final = 1 << 12
 """Maximum number of runs of a chunk (R-6.11-1)."""
 
-MOST_RUNS_KEPT: Final = 1 << 22
+MAX_TIME_RUNS_KEPT: Final = 1 << 22
 """Runs of a stream that are kept, 160 MiB at most, so that a hostile stream cannot fill the memory: those of 38 hours
 of 30 frames a second that are all different. Chunks beyond are ignored."""
 
@@ -38,7 +38,7 @@ def times(
     ticks_per_second = s.uv("ticks_per_second", ticks_per_second)
     first_frame = s.uv("first_frame", first_frame)
     run_count = s.uv("run_count", len(runs))
-    if not (ticks_per_second and run_count <= MOST_RUNS):
+    if not (ticks_per_second and run_count <= MAX_TIME_RUNS):
         s.fail("R-6.11-1", "`ticks_per_second` must be at least 1, and `run_count` at most 4096")
     found, end = [], first_frame
     for number in range(run_count):
@@ -69,7 +69,7 @@ def write_times(ticks_per_second: int, first_frame: int, runs: Sequence[Run]) ->
     most = max((max(run) for run in runs), default=1)
     end = first_frame + sum(frames for frames, _ in runs)
     fits = 0 < ticks_per_second < UV_LIMIT and 0 <= first_frame < UV_LIMIT and least > 0 and most < UV_LIMIT
-    if not fits or len(runs) > MOST_RUNS or end > FRAME_NUMBERS:
+    if not fits or len(runs) > MAX_TIME_RUNS or end > FRAME_NUMBERS:
         raise UsageError(f"runs of frames {first_frame} to {end - 1} at {ticks_per_second} ticks break R-6.11-1")
     p = Writer(0)
     times(p, ticks_per_second, first_frame, runs)
@@ -104,7 +104,7 @@ class FrameTimes:
 
     def add(self, payload: Bytes, next_frame: int) -> bool:
         """Take a chunk `t` that stands before the frame `next_frame`; False if it is ignored (R-6.11-2, R-6.11-3)."""
-        if len(self._firsts) >= MOST_RUNS_KEPT or (found := read_times(payload)) is None:
+        if len(self._firsts) >= MAX_TIME_RUNS_KEPT or (found := read_times(payload)) is None:
             return False
         ticks_per_second, first, runs = found
         if first < max(next_frame, self._ends[-1] if self._ends else 0):

@@ -7,8 +7,6 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.cli.files import CUT_RULE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from gsvc_ref.stream import Gap, Stream
 
 OTHER_STREAM_RULE: Final = "R-6.1-3"
@@ -83,11 +81,3 @@ class Gaps:
         if self.missing == 0:
             return "no frame is missing"
         return f"{self.missing:,} of {plural(count + self.missing, 'frame')} {verb} missing"
-
-
-def all_gaps(found: "Iterable[Gap]") -> Gaps:
-    """Gaps of a whole stream."""
-    gaps = Gaps()
-    for gap in found:
-        gaps(gap)
-    return gaps

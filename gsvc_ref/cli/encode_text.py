@@ -111,11 +111,6 @@ def effects_line(decisions: "Sequence[Sequence[Decision]]", types: Sequence[str]
     return ", ".join(parts) + (f"; {plural(saved, 'iteration')} saved" if saved else "")
 
 
-def is_one_group(report: "EncodeReport") -> bool:
-    """Whether several frames form one group of pictures."""
-    return len(report.frames) > 1 and all(frame.type != "I" for frame in report.frames[1:])
-
-
 def layer_lines(report: "EncodeReport") -> list[str]:
     """A line for the base and for each layer: its rate, and the PSNR with it."""
     count = report.header.layer_count

@@ -14,22 +14,22 @@ from gsvc_ref.main.tables import QUANTIZERS
 ENOUGH: Final = 0.1
 """A frame at most this many dB above the goal is not made coarser."""
 
-I_TRIES, MOST_TRIES = 5, 10
+I_TRIES, MAX_TRIES = 5, 10
 """Maximum number of tries for an I-frame, once one has reached the goal and as long as none has."""
 
-FIRST_DB, LEAST_DB, MOST_DB = 4.5, 2.0, 12.0
+FIRST_DB, MIN_DB, MAX_DB = 4.5, 2.0, 12.0
 """First guess of what twice the splats gain in an I-frame, in dB, and limits of later ones."""
 
-MOST_DOUBLINGS: Final = 3.0
+MAX_COUNT_DOUBLINGS: Final = 3.0
 """By how much the number of splats changes at most between two tries."""
 
 SCALE_TRIES: Final = 5
 """The most thresholds of what a change must be worth that are tried for a P-frame."""
 
-MOST_WORTH_OCTAVES: Final = 16.0
+MAX_WORTH_OCTAVES: Final = 16.0
 """No change is worth 2 to this power times as much as the settings ask of it."""
 
-MOST_DROP: Final = 1.0
+MAX_DROP: Final = 1.0
 """Where I-frames miss the goal, a P-frame may be this many dB below the last I-frame."""
 
 DB_PER_STEP: Final = 0.4
@@ -63,7 +63,7 @@ class Coded(Judged, Protocol):
 CodedT = TypeVar("CodedT", bound=Coded)
 
 
-def fewest_splats(
+def search_splat_count(
     make: Callable[[int], JudgedT],  # makes a frame of a number of splats
     first: int,  # the number tried first
     most: int,  # the largest number allowed
@@ -76,7 +76,7 @@ def fewest_splats(
     """
     tried: dict[int, JudgedT] = {}
     number, last, slope = first, first, FIRST_DB
-    for attempt in range(MOST_TRIES):
+    for attempt in range(MAX_TRIES):
         made = tried[number] = make(number)
         excess = made.psnr - goal
         if 0 <= excess <= ENOUGH:
@@ -86,8 +86,8 @@ def fewest_splats(
         if len(tried) > 1:
             low, high = (short, enough) if short and enough <= most else sorted((number, last))
             rise = (min(tried[high].psnr, BEST) - min(tried[low].psnr, BEST)) / float(log2(high / low))
-            slope = min(max(rise, LEAST_DB), MOST_DB)
-        doublings = min(max((ENOUGH / 2 - excess) / slope, -MOST_DOUBLINGS), MOST_DOUBLINGS)
+            slope = min(max(rise, MIN_DB), MAX_DB)
+        doublings = min(max((ENOUGH / 2 - excess) / slope, -MAX_COUNT_DOUBLINGS), MAX_COUNT_DOUBLINGS)
         following = min(max(round(number * float(power(2.0, doublings))), short + 1), enough - 1)
         if following in tried or not 1 <= following <= most or (attempt >= I_TRIES - 1 and enough <= most):
             break
@@ -98,7 +98,7 @@ def fewest_splats(
     return number, tried[number]
 
 
-def most_spared(
+def search_removals(
     make: Callable[[int], JudgedT],  # makes the frame without 1 to count - 1 of its splats
     whole: JudgedT,  # the frame with all of them
     count: int,
@@ -116,7 +116,7 @@ def most_spared(
     return best
 
 
-def coarser(
+def search_threshold(
     make: Callable[[float], JudgedT],  # makes the frame in which a change must be worth this many times as much
     frame: JudgedT,
     goal: float,  # PSNR in dB
@@ -126,9 +126,9 @@ def coarser(
         return frame
     best, low, high, step = frame, 0.0, math.inf, 1.0  # octaves of the factor
     for _ in range(SCALE_TRIES):
-        if best.psnr - goal <= ENOUGH or low == MOST_WORTH_OCTAVES:
+        if best.psnr - goal <= ENOUGH or low == MAX_WORTH_OCTAVES:
             break
-        at = min(low + step, MOST_WORTH_OCTAVES) if math.isinf(high) else (low + high) / 2
+        at = min(low + step, MAX_WORTH_OCTAVES) if math.isinf(high) else (low + high) / 2
         made = make(float(power(2.0, at)))
         if made.psnr >= goal:
             low, step = at, 2 * step
@@ -140,10 +140,10 @@ def coarser(
 
 def is_missed(psnr: float, goal: float, intra_psnr: float) -> bool:
     """Whether a P-frame misses a goal so that an I-frame, of which the last one had `intra_psnr`, takes its place."""
-    return psnr < (goal if intra_psnr >= goal else intra_psnr - MOST_DROP)
+    return psnr < (goal if intra_psnr >= goal else intra_psnr - MAX_DROP)
 
 
-def coarsest(
+def search_quantizer(
     make: Callable[[int], CodedT],  # makes a frame with a quantizer, 0..79
     first: int,  # the quantizer tried first
     goal: float,  # PSNR in dB

@@ -13,7 +13,15 @@ import numpy as np
 from gsvc_base.arrays import F4, Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
-from gsvc_ref.encoder.held_quality import BEST, ENOUGH, coarser, fewest_splats, is_missed, most_spared, visibility
+from gsvc_ref.encoder.held_quality import (
+    BEST,
+    ENOUGH,
+    is_missed,
+    search_removals,
+    search_splat_count,
+    search_threshold,
+    visibility,
+)
 from gsvc_ref.encoder.log import FrameLog
 from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, pixel_splats
 from gsvc_ref.encoder.main.target import Target
@@ -41,7 +49,7 @@ from gsvc_ref.training import (
     random_splats,
     uniform_numbers,
 )
-from gsvc_ref.training.settings import MOST_THRESHOLD
+from gsvc_ref.training.settings import MAX_THRESHOLD
 
 
 class FrameEncoder:
@@ -145,7 +153,7 @@ class _PaperFrame:
             return self._coded_intra(fitted[total])
 
         first = min(encoder.intra_splats, encoder.most)
-        encoder.intra_splats, frame = fewest_splats(tried, first, encoder.most, goal)
+        encoder.intra_splats, frame = search_splat_count(tried, first, encoder.most, goal)
         if frame.psnr - goal <= ENOUGH:
             return frame
         parameters = fitted[encoder.intra_splats].parameters()
@@ -154,7 +162,7 @@ class _PaperFrame:
         def without(count: int) -> EncodedFrame:
             return self._coded_intra(_new_population(parameters[np.sort(weakest[count:])]))
 
-        return most_spared(without, frame, len(parameters), goal)
+        return search_removals(without, frame, len(parameters), goal)
 
     def _held_inter(self, goal: float) -> EncodedFrame:
         """The P-frame with the fewest splats of those tried that reaches a PSNR, and then with the fewest changes."""
@@ -164,10 +172,10 @@ class _PaperFrame:
             fitted[total] = self._fitted_inter(total)
             return self._coded_inter(fitted[total])
 
-        total, frame = fewest_splats(tried, min(len(self.state_before.splats), encoder.most), encoder.most, goal)
+        total, frame = search_splat_count(tried, min(len(self.state_before.splats), encoder.most), encoder.most, goal)
         if self.settings.inter.quantizer.static_threshold == 0:
             return frame
-        return coarser(lambda scale: self._coded_inter(fitted[total], scale), frame, goal)
+        return search_threshold(lambda scale: self._coded_inter(fitted[total], scale), frame, goal)
 
     # ---- start, fit and prune (I) ----
     def _fitted_intra(self, total: int) -> Population:
@@ -258,7 +266,7 @@ class _PaperFrame:
         else:
             self.log.add("regions", "what changes too little to be seen stays as it is", done=False)
             least = scale * inter.quantizer.static_threshold
-        quantizer = inter.quantizer.with_(static_threshold=min(least, MOST_THRESHOLD))
+        quantizer = inter.quantizer.with_(static_threshold=min(least, MAX_THRESHOLD))
         return self._fine_tuned(population, inter, quantizer, self.state_before)
 
     def _fine_tuned(

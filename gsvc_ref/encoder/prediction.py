@@ -13,7 +13,7 @@ from gsvc_ref.training import psnr_of_loss
 NEW_DROP: Final = 1.0
 """A P-frame that is predicted this many dB worse than the frame before has something new to show."""
 
-MOST_NEW: Final = 3.0
+MAX_NEW: Final = 3.0
 """A frame gets at most this many times `FrameSettings.new_fraction` of new splats, one time for each NEW_DROP."""
 
 
@@ -65,7 +65,7 @@ def exchange_counts(
 def _added(settings: PaperSettings, total: int, drop: float, log: FrameLog) -> int:
     """The number of splats that GSA asks for."""
     mode = settings.effects.gsa
-    need = {"off": 0.0, "all": 1.0}.get(mode, min(drop / NEW_DROP, MOST_NEW) if drop > NEW_DROP else 0.0)
+    need = {"off": 0.0, "all": 1.0}.get(mode, min(drop / NEW_DROP, MAX_NEW) if drop > NEW_DROP else 0.0)
     new = round(settings.inter.new_fraction * total * need)
     if mode == "off":
         reason = OFF

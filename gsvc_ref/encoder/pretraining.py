@@ -4,6 +4,7 @@ import numpy as np
 
 from gsvc_base.arrays import F4
 from gsvc_base.splats import Splats
+from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training import (
@@ -12,7 +13,6 @@ from gsvc_ref.training import (
     FitSettings,
     Population,
     fit,
-    image_start,
     random_splats,
     uniform_numbers,
 )

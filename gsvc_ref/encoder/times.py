@@ -16,7 +16,7 @@ from gsvc_ref.bitstream.coder import UV_LIMIT
 from gsvc_ref.bitstream.times import write_times
 from gsvc_ref.video import VideoReader
 
-MOST_AHEAD: Final = 64
+MAX_AHEAD: Final = 64
 """Maximum number of frames that a chunk is about: beside its runs the other 13 bytes or so are few."""
 
 TIMES_BYTES_AHEAD: Final = 1 << 26
@@ -40,7 +40,7 @@ class SourceTimes:
         self._reader, self._range = reader, (start, stop)
         video = reader.format
         size = video.width * video.height * 3 * video.dtype.itemsize
-        self._ahead = 1 if least_delay else max(1, min(MOST_AHEAD, TIMES_BYTES_AHEAD // size))
+        self._ahead = 1 if least_delay else max(1, min(MAX_AHEAD, TIMES_BYTES_AHEAD // size))
         self._usual = 1 / video.frame_rate
         self._chunks: dict[int, bytes] = {}
         self._begin: Fraction | None = None

@@ -13,7 +13,7 @@ from gsvc_ref.main.tables import EXP2, LOGISTIC
 CELL: Final = 4
 """Side of a cell in pixels."""
 
-MOST_BINOMIAL: Final = 15
+MAX_BINOMIAL: Final = 15
 """Most splats of a part whose halves are alike that have the beta-binomial distribution (15-8)."""
 
 COUNT_BITS: Final = 9
@@ -45,7 +45,7 @@ def cell_order(cells: I8, width: int, height: int) -> I8:
 
 @kernel(inline=True)
 def small_half(n: int, alpha: int, C: I8) -> None:
-    """Cumulative frequencies of the number of n splats, at most MOST_BINOMIAL, in the first of equal halves (15-8)."""
+    """Cumulative frequencies of the number of n splats, at most MAX_BINOMIAL, in the first of equal halves (15-8)."""
     weight, total = 2**16, 0
     for i in range(n + 1):  # w[i] and, by symmetry, w[n - i] stand in the places of C[i + 1] until they are summed
         C[i + 1] = C[n - i + 1] = weight
@@ -85,7 +85,7 @@ def cumulative_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
 @kernel()
 def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
     """Cumulative frequencies of the number of n splats in the first half, and how many of its low bits are raw."""
-    if n <= MOST_BINOMIAL and first == second:
+    if n <= MAX_BINOMIAL and first == second:
         C = np.empty(n + 2, np.int64)
         small_half(n, alpha, C)
         return C, 0

@@ -73,40 +73,18 @@ class IntraCodes:
 
 @dataclass(frozen=True, eq=False)
 class MainCodes:
-    """The codes of a frame.
+    """The codes of a frame."""
 
-    Attributes
-    ----------
-    type
-        ``I``, ``P`` or ``R``; an R-frame has no other code.
-    quantizer
-        0..79, which gives D.
-    lane_exponent
-        The binary logarithm of the number of lanes.
-    densities
-        The frame's own densities; None: those that are kept.
-    new
-        The splats of an I-frame, or the new ones of a P-frame.
-    motion_cell
-        0 no field, else 1, 2, 3: cells of 64, 32 or 16 pixels.
-    vectors
-        (rows, columns, 2), the vectors in quarter pixels.
-    modes
-        (N,), the mode of each splat of the frame before: bits 0 to 2 for differences of position, shape and colour, or
-        `REMOVED`.
-    differences
-        (N, 8), q.
-    """
-
-    type: FrameType = field(kw_only=True)
-    quantizer: int = 0
-    lane_exponent: int = 0
-    densities: Densities | None = None
-    new: IntraCodes = field(default_factory=IntraCodes)
-    motion_cell: int = 0
-    vectors: I8 = field(default_factory=lambda: _none(0, 0, 2))
+    type: FrameType = field(kw_only=True)  # an R-frame has no other code
+    quantizer: int = 0  # 0..79, which gives D
+    lane_exponent: int = 0  # binary logarithm of the number of lanes
+    densities: Densities | None = None  # None: those that are kept
+    new: IntraCodes = field(default_factory=IntraCodes)  # all splats of an I-frame
+    motion_cell: int = 0  # 0 no field, else 1, 2, 3: cells of 64, 32 or 16 pixels
+    vectors: I8 = field(default_factory=lambda: _none(0, 0, 2))  # (rows, columns, 2), in quarter pixels
+    # (N,), of the splats before: bits 0 to 2 for differences of position, shape and colour, or REMOVED
     modes: I8 = field(default_factory=lambda: _none(0))
-    differences: I8 = field(default_factory=lambda: _none(0, 8))
+    differences: I8 = field(default_factory=lambda: _none(0, 8))  # (N, 8), q
 
     @classmethod
     def repeated_frame(cls) -> "MainCodes":

@@ -30,7 +30,7 @@ LARGEST_MAGNITUDE: Final = (4 << 18) - 1
 _MAGNITUDE_EDGES: Final[I8] = 16 * (2 * np.arange(1, MAGNITUDE_CLASSES) - 1)
 """The inner edges of the classes of magnitudes, doubled."""
 
-MOST_BINS: Final = 512
+MAX_BINS: Final = 512
 """Most bins of 16 scales; a window with more has raw low bits (15-7)."""
 
 
@@ -138,7 +138,7 @@ def _windows(steps: I8, centre: int, slope: int, scale_code: int, scale: int, fa
     begins = np.zeros(len(steps) + 1, np.int64)
     for j in range(len(steps)):
         middle, r = 64 * centre + 16 * slope * j, 0
-        while 16 * scale > MOST_BINS * (steps[j] << r):
+        while 16 * scale > MAX_BINS * (steps[j] << r):
             r += 1
         width = steps[j] << r
         low[j], first[j] = r, (middle - 8 * scale) // width

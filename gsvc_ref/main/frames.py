@@ -95,12 +95,8 @@ def frame_body(
 ) -> Body:
     """frame_body(type) of spec.md section 15.5, of an I- or a P-frame after the state `before`.
 
-    The level allows `most_splats`. `given` are the codes that a Writer writes.
-
-    Raises
-    ------
-    UsageError
-        A Writer is given codes that no stream can have after `before`.
+    The level allows `most_splats`. `given` are the codes that a Writer writes; a UsageError says that no stream can
+    have them after `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)

@@ -23,53 +23,25 @@ LAYER_TYPES: Final = (*b"IPR",)
 
 @dataclass(frozen=True)
 class LayerHead:
-    """The elements of a chunk `n` in front of its body.
+    """The elements of a chunk `n` in front of its body."""
 
-    Attributes
-    ----------
-    layer
-        1 to `layer_count` - 1.
-    type
-        ``I``, ``P`` or ``R``; None of a layer that is skipped.
-    checksum
-        `parameter_checksum`, if the stream has some.
-    checksum_bit
-        The offset of that element in bits from the start of the stream.
-    """
-
-    layer: int
-    type: FrameType | None
-    checksum: int | None = None
-    checksum_bit: int = 0
+    layer: int  # 1 to `layer_count` - 1
+    type: FrameType | None  # None of a layer that is skipped
+    checksum: int | None = None  # `parameter_checksum`, if the stream has some
+    checksum_bit: int = 0  # the offset of that element in bits from the start of the stream
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """The layers of the frame decoded last, up to the highest that is wanted.
+    """The layers of the frame decoded last, up to the highest that is wanted."""
 
-    Attributes
-    ----------
-    highest
-        The highest layer that is wanted, at least 1.
-    base
-        The state of the base after the frame; None before the first frame.
-    there
-        The layers that the frame shows, each with its state after it.
-    before
-        The states that they are predicted from.
-    last
-        The layer of the last chunk after the frame, skipped ones included; 0: there was none.
-    lost
-        Layers that damage has taken: their chunks are skipped up to an `I`. For salvage alone.
-    closed
-        Whether chunks after the frame are skipped, since they may belong to a frame that is lost. For salvage alone.
-    """
-
-    highest: int
-    base: MainState | None = None
-    there: Mapping[int, MainState] = field(default_factory=dict)
-    before: Mapping[int, MainState] = field(default_factory=dict)
-    last: int = 0
+    highest: int  # the highest layer that is wanted, at least 1
+    base: MainState | None = None  # the state of the base after the frame; None before the first frame
+    there: Mapping[int, MainState] = field(default_factory=dict)  # the layers that the frame shows, after it
+    before: Mapping[int, MainState] = field(default_factory=dict)  # what they are predicted from
+    last: int = 0  # the layer of the last chunk after the frame, skipped ones included; 0: there was none
+    # For salvage: layers that damage has taken, whose chunks are skipped up to an `I`; and whether chunks after the
+    # frame are skipped, since they may belong to a frame that is lost.
     lost: frozenset[int] = frozenset()
     closed: bool = False
 
@@ -128,16 +100,7 @@ class Layers:
 def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHead | None = None) -> LayerHead:
     """The elements of layer() in front of its body (R-15.13-1, R-15.13-2), with R-5-2 of a layer that has no body.
 
-    Parameters
-    ----------
-    s
-        The bits.
-    header
-        The sequence header.
-    layers
-        The layers after the chunk before.
-    given
-        What a Writer writes.
+    A Writer writes those that are given.
     """
     head, limits = given or LayerHead(0, "I"), header.limits
     with s.part("frame_header"):
@@ -170,17 +133,7 @@ def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHea
 def layer_body(
     s: Coder, header: SequenceHeader, layers: Layers, layer: int, layer_type: FrameType, given: MainCodes | None = None
 ) -> Body:
-    """The body of a layer; one that is repeated has none.
-
-    Parameters
-    ----------
-    s, header, layers
-        As in `layer_head`.
-    layer, layer_type
-        Of its head.
-    given
-        The codes that a Writer writes.
-    """
+    """The body of a layer; one that is repeated has none."""
     before = layers.start_of(layer, header)
     if layer_type == "R":
         return Body(MainCodes.repeated_frame(), before, {})
@@ -191,20 +144,10 @@ def layer_body(
 def joined_origins(
     base: MainCodes, chunks: Mapping[int, MainCodes], layers: Layers, before: Layers | None
 ) -> I8 | None:
-    """For each splat of a frame with layers the index of the one before that it continues, or -1.
+    """For each splat of a frame with layers the index of the one before that it continues, or -1: (N,); or None.
 
-    Parameters
-    ----------
-    base
-        The codes of the frame.
-    chunks
-        Those of the layers that have a chunk after it.
-    layers, before
-        The layers after this frame and after the one before.
-
-    Returns
-    -------
-    (N,) i8; None if the frame continues nothing.
+    `chunks` are the codes of the layers that have a chunk after it; `layers` and `before` stand after this frame and
+    after the one before.
     """
     if before is None or before.base is None or layers.base is None or base.type == "I":
         return None

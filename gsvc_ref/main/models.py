@@ -60,7 +60,7 @@ MODELS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
 SYMBOLS: Final = {"vector": 24, "mode": 9, "position": 24, "shape": 24, "color": 24}
 """The number of symbols of each model."""
 
-MOST_SYMBOLS: Final = max(SYMBOLS.values())
+MAX_MODEL_SYMBOLS: Final = max(SYMBOLS.values())
 
 
 class Row(NamedTuple):
@@ -79,9 +79,9 @@ ROWS: Final = _rows()
 
 
 def _counts(name: str) -> I8:
-    """All counts of a model at the start (contexts, MOST_SYMBOLS), 0 where it has no symbol."""
+    """All counts of a model at the start (contexts, MAX_MODEL_SYMBOLS), 0 where it has no symbol."""
     ones = [[*row, *[1] * (SYMBOLS[name] - len(row))] for row in MODELS[name]]
-    return np.pad(np.array(ones, np.int64), ((0, 0), (0, MOST_SYMBOLS - SYMBOLS[name])))
+    return np.pad(np.array(ones, np.int64), ((0, 0), (0, MAX_MODEL_SYMBOLS - SYMBOLS[name])))
 
 
 _SYMBOLS_OF: Final[I8] = np.concatenate([np.full(len(MODELS[name]), SYMBOLS[name]) for name in MODELS])
@@ -159,16 +159,10 @@ def adapted(counts: I8, seen: I8) -> I8:
 
 
 class Models:
-    """All models in one frame: static while the frame is coded.
-
-    Attributes
-    ----------
-    counts
-        (33, 24), the counts of the contexts of all models.
-    """
+    """All models in one frame: static while the frame is coded."""
 
     def __init__(self, counts: I8 = _START) -> None:
-        self.counts = counts
+        self.counts = counts  # (33, 24), of the contexts of all models
         self._seen = np.zeros_like(counts)
 
     @cached_property

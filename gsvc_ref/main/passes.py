@@ -34,18 +34,10 @@ LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, TOTAL 
 
 
 class Distributions(NamedTuple):
-    """Cumulative frequencies of several distributions, one after the other.
+    """Cumulative frequencies of several distributions, one after the other."""
 
-    Attributes
-    ----------
-    cumulative
-        (M,) i8; those of a distribution of K symbols are K + 1 numbers, from 0 to 2^14.
-    first
-        (n + 1,) i8, where each distribution begins, and M.
-    """
-
-    cumulative: I8
-    first: I8
+    cumulative: I8  # (M,); of a distribution of K symbols K + 1 numbers, from 0 to 2^14
+    first: I8  # (n + 1,), where each distribution begins, and M
 
     @classmethod
     def of(cls, tables: Sequence[I8]) -> "Distributions":
@@ -55,16 +47,10 @@ class Distributions(NamedTuple):
 
 
 class Run(ABC):
-    """The symbols of a frame, in passes.
-
-    Attributes
-    ----------
-    lengths
-        Code lengths in bits by part of the frame.
-    """
+    """The symbols of a frame, in passes."""
 
     def __init__(self) -> None:
-        self.lengths: defaultdict[str, float] = defaultdict(float)
+        self.lengths: defaultdict[str, float] = defaultdict(float)  # in bits, by part of the frame
         self._part = ""
 
     @contextmanager

@@ -39,19 +39,7 @@ def no_splats() -> I8:
 
 
 def classes(colors: I8, step: int) -> I8:
-    """The class j of each splat (15-4).
-
-    Parameters
-    ----------
-    colors
-        (N, 3), the columns n of a state.
-    step
-        D in 1/16.
-
-    Returns
-    -------
-    (N,) in 0..10.
-    """
+    """The class j of each splat (15-4), 0..10, (N,), of colors n (N, 3) and a step D in 1/16."""
     found = np.empty(len(colors), np.int64)
     _find_classes(np.ascontiguousarray(colors), step, found)
     return found

@@ -66,13 +66,7 @@ STEPS: Final = tuple(int(EXP2[128 * (q % 8)] << (q // 8)) >> 12 for q in range(Q
 
 
 def step_of(quantizer: int) -> int:
-    """D in 1/16 of a unit of n (15-4).
-
-    Raises
-    ------
-    UsageError
-        The quantizer is not in 0..79.
-    """
+    """D in 1/16 of a unit of n (15-4), of a quantizer in 0..79."""
     if not 0 <= quantizer < QUANTIZERS:
         raise UsageError(f"quantizer is {quantizer}; it must be in 0..{QUANTIZERS - 1}")
     return STEPS[quantizer]

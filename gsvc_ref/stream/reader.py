@@ -9,7 +9,7 @@ from typing import BinaryIO, Self
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream.coder import Element, categories_of
-from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MOST_LAYERS, SequenceHeader
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LEVELS, MAX_LAYERS, SequenceHeader
 from gsvc_ref.bitstream.times import TIMES, FrameTimes
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder, DecodedChunk, Place
 from gsvc_ref.stream.decoded import DecodedFrame, FrameSummary, Gap, LayerSummary, StreamSummary
@@ -38,8 +38,8 @@ class StreamReader:
     ) -> None:
         if max_level not in LEVELS:
             raise UsageError(f"max_level is {max_level}; it must be 1 to {HIGHEST_LEVEL}")
-        if layer is not None and layer not in range(MOST_LAYERS):
-            raise UsageError(f"layer is {layer}; it must be 0 (the base) to {MOST_LAYERS - 1}")
+        if layer is not None and layer not in range(MAX_LAYERS):
+            raise UsageError(f"layer is {layer}; it must be 0 (the base) to {MAX_LAYERS - 1}")
         self._source = Source(source)
         try:
             self._decoder = ChunkDecoder(self._source, trace, max_level=max_level, layer=layer)

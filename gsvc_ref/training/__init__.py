@@ -10,7 +10,7 @@ All choices are in `settings`.
 """
 
 from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, image_start, random_splats, uniform_numbers
+from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
 from gsvc_ref.training.convergence import Convergence, ConvergenceTest
 from gsvc_ref.training.fine_tuning import fine_tune
 from gsvc_ref.training.fitting import fit
@@ -24,7 +24,6 @@ from gsvc_ref.training.settings import (
     MAX_ITERATIONS,
     BlockSettings,
     FitSettings,
-    Growth,
     Rates,
 )
 
@@ -44,7 +43,6 @@ __all__ = [
     "Cosine",
     "FitSettings",
     "FrameQuantizer",
-    "Growth",
     "OnIteration",
     "Population",
     "PruningSchedule",
@@ -53,7 +51,6 @@ __all__ = [
     "StepDecay",
     "fine_tune",
     "fit",
-    "image_start",
     "loss_of_psnr",
     "psnr_of_loss",
     "random_splats",

@@ -26,7 +26,7 @@ from gsvc_ref.paper.half import FINEST_HALF, LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import bounded_scale, from_mse, with_exact_zero
 from gsvc_ref.paper.rvq_training import RvqState, initialize, moved
 from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.effects import Active, shape_weights
+from gsvc_ref.training.picture_change import Active, shape_weights
 from gsvc_ref.training.settings import BlockSettings
 from gsvc_ref.training.straight_through import (
     decode_cholesky,

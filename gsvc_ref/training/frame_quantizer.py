@@ -10,7 +10,7 @@ from gsvc_base.splats import F4
 from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.block_quantizer import BlockQuantizer, ForwardResult, Learned
-from gsvc_ref.training.effects import Active, effects
+from gsvc_ref.training.picture_change import Active, picture_change
 from gsvc_ref.training.population import NEW, Population
 from gsvc_ref.training.psnr import psnr_of_loss
 from gsvc_ref.training.settings import BlockSettings
@@ -113,8 +113,8 @@ class FrameQuantizer:
 
 
 def changed(values: F4, reference: F4, least: float) -> Active:
-    """The attributes that moved enough to be seen, (n, 3) bool: position, Cholesky factor, colour (`effects`)."""
-    return np.asarray(~(effects(values, reference) < least * BITS_OF_ATTRIBUTES), np.bool_)
+    """The attributes whose `picture_change` is large enough, (n, 3) bool: position, Cholesky factor, colour."""
+    return np.asarray(~(picture_change(values, reference) < least * BITS_OF_ATTRIBUTES), np.bool_)
 
 
 def with_steps_for(loss: float, settings: BlockSettings) -> BlockSettings:

@@ -18,7 +18,7 @@ from gsvc_ref.training.schedule import PAPER_SCHEDULE, Cosine, Schedule
 MAX_RATE: Final = 1e6
 """Largest learning rate: far beyond any use, and finite in binary32 after every factor on it."""
 
-MOST_THRESHOLD: Final = 1e6
+MAX_THRESHOLD: Final = 1e6
 """Largest `static_threshold`."""
 
 MAX_ITERATIONS: Final = 10_000_000
@@ -42,35 +42,6 @@ class Rates:
     def columns(self) -> F4:
         """The rate of each of the nine columns of `Population.values`, (9,) f4."""
         return np.array([self.position] * 2 + [self.cholesky] * 3 + [self.color] * 3 + [self.weight], np.float32)
-
-
-@dataclass(frozen=True)
-class Growth:
-    """Beginning with a part of the splats and adding the others where the residual is (ours, not the paper's)."""
-
-    first: float = 0.1  # fraction of the splats that the first iteration has
-    additions: int = 15  # in equal numbers
-    # Fractions of the iterations at which the first and the last addition come.
-    begin: float = 0.04
-    end: float = 0.6
-
-    def __post_init__(self) -> None:
-        check_types(self)
-        if not (0 < self.first <= 1 and 1 <= self.additions <= 1000 and 0 <= self.begin <= self.end < 1):
-            raise UsageError(f"{self}: it must have 0 < first <= 1, additions in 1..1000 and 0 <= begin <= end < 1")
-
-    def counts(self, total: int, iterations: int) -> dict[int, int]:
-        """Iteration (from 0) -> number of splats after its addition; the last entry is the total."""
-        start = self.start(total)
-        plan = {}
-        for j in range(self.additions):
-            at = self.begin + (self.end - self.begin) * j / max(1, self.additions - 1)
-            plan[int(iterations * at)] = start + round((total - start) * (j + 1) / self.additions)
-        return plan
-
-    def start(self, total: int) -> int:
-        """The number of splats at the beginning, at least 1."""
-        return max(1, round(total * self.first))
 
 
 @dataclass(frozen=True)
@@ -139,7 +110,7 @@ class BlockSettings:
             raise UsageError(f"position_step and cholesky_step are {steps}; they must be None or above 0 pixels")
         if not (0 <= self.commitment < math.inf and 0 <= self.quantizer_rate < 1):
             raise UsageError(f"{self}: commitment must be at least 0 and quantizer_rate in [0, 1)")
-        if not 0 <= self.static_threshold <= MOST_THRESHOLD:
+        if not 0 <= self.static_threshold <= MAX_THRESHOLD:
             raise UsageError(f"static_threshold is {self.static_threshold}; it must be in 0..1e6")
         if len(self.colors.codewords) > 8:
             raise UsageError(f"color_stages is {len(self.colors.codewords)}; it must be 1..8")

@@ -12,13 +12,14 @@ away from zero). The computation is binary64 in the order of spec.md's code, sec
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Final, NamedTuple, get_args
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from gsvc_base.arrays import F8, I8, Frame
 from gsvc_base.arrays import Plane as Plane
 from gsvc_base.checks import door
+from gsvc_base.constants import LUMA_WEIGHTS
 from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
 from gsvc_ref.video.chroma import down_taps, phases, up_taps
@@ -33,16 +34,6 @@ from gsvc_ref.video.format import (
 )
 
 Planes = tuple[Plane, Plane, Plane]
-
-LUMA_WEIGHTS: Final = {
-    1: (0.2126, 0.0722),
-    4: (0.30, 0.11),
-    5: (0.299, 0.114),
-    6: (0.299, 0.114),
-    7: (0.212, 0.087),
-    9: (0.2627, 0.0593),
-}
-"""(K_R, K_B) by MatrixCoefficients, H.273 table 4."""
 
 
 def matrix_pair(matrix: int) -> tuple[F8, F8]:

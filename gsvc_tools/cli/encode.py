@@ -9,7 +9,6 @@ from gsvc_base.cli.arguments import frame_rate, scale
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli import encode as plain
 from gsvc_ref.cli.encode_options import make_settings
-from gsvc_ref.cli.encode_text import is_one_group
 from gsvc_ref.cli.files import check_input, check_output, check_stream_name
 from gsvc_tools.cli.encode_page import check_page, without_page, write_page
 from gsvc_tools.cli.encode_progress import progress_callback
@@ -114,7 +113,9 @@ def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: 
 
 def _notes(report: "EncodeReport", jobs: int, folder: Path | None) -> list[str]:
     """A sentence where a single group of pictures leaves jobs without work, or nothing to resume from."""
-    if (jobs == 1 and folder is None) or report.interrupted or not is_one_group(report):
+    if (jobs == 1 and folder is None) or report.interrupted or len(report.frames) == 1:
+        return []
+    if any(frame.type == "I" for frame in report.frames[1:]):
         return []
     effect = "one process was at work" if jobs > 1 else "none was kept before the end"
     return [f"one group of pictures, so {effect}; --key-frames K makes more"]

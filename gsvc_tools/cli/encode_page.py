@@ -3,12 +3,12 @@
 import shlex
 import sys
 from argparse import Namespace
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Protocol, cast
 
 from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_base.errors import UsageError
-from gsvc_ref import plugins
 from gsvc_ref.cli.files import STDIO, check_output
 
 if TYPE_CHECKING:
@@ -16,6 +16,36 @@ if TYPE_CHECKING:
 
 CHANGING: Final = ("scale", "fps")
 """Options after which the file has other frames than its source."""
+
+
+class PageWriter(Protocol):
+    """Writes a page about an encode."""
+
+    def __call__(
+        self,
+        file: str,
+        source: str | None,
+        start: int,
+        page: str,
+        encoded: "EncodeReport",
+        command: str,
+        *,
+        quiet: bool,
+    ) -> None:
+        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again)."""
+
+
+_page_writers: Final[list[str]] = []
+
+
+def set_page_writer(module: str) -> None:
+    """Let ``gsvc encode --report`` write its page by the function ``after_encode`` of a module."""
+    _page_writers.append(module)
+
+
+def page_writer() -> PageWriter | None:
+    """The function of the module that was given to `set_page_writer` last, or None."""
+    return cast("PageWriter", import_module(_page_writers[-1]).after_encode) if _page_writers else None
 
 
 def check_page(arguments: Namespace) -> None:
@@ -28,7 +58,7 @@ def check_page(arguments: Namespace) -> None:
     if Path(page).suffix.lower() not in (".html", ".htm"):
         raise UsageError(f"--report {page} is no name of a page; it ends in .html, such as --report page.html")
     check_output(page, arguments.input)
-    if plugins.page_writer() is None:
+    if page_writer() is None:
         raise UsageError("--report needs gsvc_lab, which makes the page and comes with gsvc_ref: pip install .")
 
 
@@ -39,7 +69,7 @@ def without_page(arguments: Namespace) -> str:
 
 def write_page(arguments: Namespace, report: "EncodeReport") -> int:
     """Write the page, if one is asked for; 0, or 130 when that was interrupted."""
-    write = plugins.page_writer() if arguments.report is not None else None
+    write = page_writer() if arguments.report is not None else None
     if write is None:
         return 0
     same = arguments.input != STDIO and not any(getattr(arguments, name, None) for name in CHANGING)

@@ -9,11 +9,13 @@ from gsvc_base.cli.arguments import add_max_level
 from gsvc_base.cli.errors import EXIT_DATA, say
 from gsvc_base.cli.text import frame_runs, plural, print_json, show, table
 from gsvc_base.errors import GsvcError
-from gsvc_ref.cli.damage import all_gaps, describe_damage
+from gsvc_ref.cli.damage import Gaps, describe_damage
 from gsvc_ref.cli.files import check_input, describe_format, display_name, open_stream
 from gsvc_tools.cli.decisions import decision_lines, decisions_object, stream_decisions
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from gsvc_ref.bitstream import SequenceHeader
     from gsvc_ref.stream import FrameSummary, Gap, Stream, StreamSummary
     from gsvc_ref.video import VideoFormat
@@ -84,6 +86,14 @@ def _damage(name: str, stream: "Stream", summary: "StreamSummary") -> list[str]:
     if not summary.gaps:
         return []
     return [f"{name} is damaged: {all_gaps(summary.gaps).total(count)}"]
+
+
+def all_gaps(found: "Iterable[Gap]") -> Gaps:
+    """Gaps of a whole stream."""
+    gaps = Gaps()
+    for gap in found:
+        gaps(gap)
+    return gaps
 
 
 def error_object(error: GsvcError) -> dict[str, Any]:

@@ -11,7 +11,7 @@ INTER_SHARE: Final = 0.4
 """Time of a P-frame over that of its I-frame, by which it is guessed: 0.3 to 1.0, mostly 0.4, for six scenes of
 176x144 with 200 and 600 splats, preset ``quick``."""
 
-LEAST_DONE: Final = 0.15
+MIN_DONE: Final = 0.15
 """A frame of which less is done says nothing about its time."""
 
 FRAME_DECAY: Final = 0.9
@@ -43,7 +43,7 @@ class TimeLeft:
             return None
         spent = elapsed_s - self._frame_begin
         if frame == self._first:
-            if share < LEAST_DONE:
+            if share < MIN_DONE:
                 return None
             intra = spent / share
             return intra - spent + INTER_SHARE * intra * (frame_count - frame - 1)

@@ -121,10 +121,19 @@ def _check(arguments: Namespace) -> None:
         check_input(arguments.input)
     elif not Path(arguments.input).absolute().parent.is_dir():
         raise UsageError(f"the folder of {arguments.input} does not exist; check the name")
-    if arguments.source == STDIO:
-        raise UsageError("the source is read more than once, so it cannot be a pipe: give a file")
+    if arguments.input != STDIO and _is_device(arguments.input):
+        raise UsageError(
+            f"{arguments.input} is a pipe or a device, which is read once only: give gsvc view - < {arguments.input}"
+        )
     if arguments.source is not None:
+        if arguments.source == STDIO or _is_device(arguments.source):
+            raise UsageError("the source is read more than once, so it cannot be a pipe: give a file")
         check_input(arguments.source, folder_allowed=True)
+
+
+def _is_device(name: str) -> bool:
+    path = Path(name)
+    return path.exists() and not path.is_file() and not path.is_dir()
 
 
 def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":

@@ -11,7 +11,7 @@ from gsvc_base.errors import UsageError
 from gsvc_base.interrupts import Interrupts
 from gsvc_base.processors import processors
 from gsvc_ref.cli.files import STDIO
-from gsvc_tools.jobs.processes import MOST_JOBS, Processes, check_jobs
+from gsvc_tools.jobs.processes import MAX_JOBS, Processes, check_jobs
 
 
 def add_where_options(parser: ArgumentParser) -> None:
@@ -43,10 +43,7 @@ def add_where_options(parser: ArgumentParser) -> None:
 def resume_folder(arguments: Namespace) -> Path | None:
     """The folder of ``--resume``, or None.
 
-    Raises
-    ------
-    UsageError
-        The output is no file that it could stand beside.
+    A UsageError says that the output is not a file, beside which it could stand.
     """
     if not arguments.resume:
         return None
@@ -59,10 +56,7 @@ def resume_folder(arguments: Namespace) -> Path | None:
 def opened_workers(scheduler: str | None) -> AbstractContextManager[Executor | None]:
     """The workers of a scheduler of dask, as an executor; None without one.
 
-    Raises
-    ------
-    UsageError
-        There is no such scheduler, or a worker of it cannot be used.
+    A UsageError says that there is no such scheduler, or that one of its workers cannot be used.
     """
     if scheduler is None:
         return nullcontext()
@@ -77,10 +71,7 @@ def started_processes(arguments: Namespace) -> Iterator[Processes | None]:
 
     No more of them are started at once than there are processors. Interrupts wait until they are known, or ended.
 
-    Raises
-    ------
-    UsageError
-        The number of jobs is out of its range.
+    A UsageError says that the number of jobs is out of its range.
     """
     jobs = 1 if arguments.jobs is None else arguments.jobs
     if arguments.dry_run or arguments.scheduler is not None or jobs == 1:
@@ -109,17 +100,8 @@ def _end(processes: Processes) -> None:
 def opened_executor(arguments: Namespace, processes: Processes | None) -> Iterator[tuple[int, Executor | None]]:
     """The number of groups of pictures at the same time, and what encodes them; None: this process.
 
-    Parameters
-    ----------
-    arguments
-        Those of the command.
-    processes
-        `started_processes`; they are ended.
-
-    Raises
-    ------
-    UsageError
-        There is no such scheduler, or a worker of it cannot be used.
+    `processes` are those of `started_processes`, which are ended. A UsageError says that there is no such scheduler, or
+    that one of its workers cannot be used.
     """
     jobs = arguments.jobs
     if arguments.scheduler is None:
@@ -132,4 +114,4 @@ def opened_executor(arguments: Namespace, processes: Processes | None) -> Iterat
     from gsvc_tools.jobs.cluster import opened_cluster
 
     with opened_cluster(arguments.scheduler) as cluster:
-        yield min(cluster.thread_count, MOST_JOBS) if jobs is None else jobs, cluster
+        yield min(cluster.thread_count, MAX_JOBS) if jobs is None else jobs, cluster

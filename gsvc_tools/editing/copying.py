@@ -194,8 +194,8 @@ class CopiedStream:
             return self.frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
         if chr(chunk_type) == chunks.DECISIONS and self._same_frames:
             return True
-        without_frame = chunks.belongs_to_frame(chunk_type) and self.frame_count == first > 0
-        return chunks.is_safe_to_copy(chunk_type) and not without_frame
+        without_frame = belongs_to_frame(chunk_type) and self.frame_count == first > 0
+        return is_safe_to_copy(chunk_type) and not without_frame
 
     def _write_frame(self, name: str, chunk_type: int, rest: Bytes) -> None:
         number = encode_uv(self.frame_count)
@@ -246,3 +246,13 @@ def sound_chunks(stream: ChunkDecoder) -> Iterator[tuple[int, Reader]]:
             yield chunk_type, p
         place = after
     stream.check_nothing_follows(place)
+
+
+def is_safe_to_copy(chunk_type: int) -> bool:
+    """Whether an ancillary chunk stays right when frames are changed, cut, added or renumbered (R-6.2-7)."""
+    return chunk_type & 1 != 0
+
+
+def belongs_to_frame(chunk_type: int) -> bool:
+    """Whether an ancillary chunk belongs to the last frame before it, if there is one, not to the stream (R-6.2-6)."""
+    return chunk_type & 2 != 0

@@ -13,7 +13,15 @@ from gsvc_base.files import opened_output
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.header import SequenceHeader
-from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Part, sound_chunks
+from gsvc_tools.editing.copying import (
+    ConcatReport,
+    CopiedStream,
+    OnPart,
+    OpenedPart,
+    Part,
+    belongs_to_frame,
+    sound_chunks,
+)
 
 
 def cut(
@@ -105,7 +113,7 @@ def _selection(
                 i_frame = number
             of_dropped_frame = number < start
         else:
-            of_dropped_frame = 0 <= number < start and chunks.belongs_to_frame(chunk_type)
+            of_dropped_frame = 0 <= number < start and belongs_to_frame(chunk_type)
         if not of_dropped_frame:
             yield chunk_type, p
     if number < start:

@@ -59,22 +59,12 @@ class ClusterError(ConnectionError):
 class Cluster(Executor):
     """An executor of a cluster that is there; `opened_cluster` makes one.
 
-    Parameters
-    ----------
-    address
-        The address of the scheduler.
-    client
-        A client of dask that is connected to it.
-
-    Attributes
-    ----------
-    segment_s
-        Seconds that a task is best meant to take.
+    `segment_s` is how many seconds a task should take.
     """
 
     segment_s = TASK_S
 
-    def __init__(self, address: str, client: Any) -> None:
+    def __init__(self, address: str, client: Any) -> None:  # the scheduler's address, and dask's client of it
         self.address, self._client = address, client
         self._again: SimpleQueue[_Call | None] = SimpleQueue()
         self._is_closed = False
@@ -202,16 +192,8 @@ def _as_raised_here(error: BaseException) -> Exception:
 def opened_cluster(address: str) -> Iterator[Cluster]:
     """The executor of a cluster, whose workers were asked whether they have this version of gsvc_ref.
 
-    Parameters
-    ----------
-    address
-        The address of the scheduler, such as ``tcp://host:8786``.
-
-    Raises
-    ------
-    UsageError
-        The extra ``cluster`` is missing, there is no scheduler, it has no workers, or one of them has no gsvc_ref or
-        another version.
+    The address is that of the scheduler, such as ``tcp://host:8786``. A UsageError says that the extra ``cluster`` is
+    missing, that there is no scheduler, that it has no workers, or that one of them has no gsvc_ref or another version.
     """
     if not ADDRESS.fullmatch(address):
         raise UsageError(f"{address!r} is no address of a scheduler; give it as tcp://HOST:8786")
@@ -268,10 +250,7 @@ def _check_workers(client: Any, address: str) -> None:
 def check_answers(answers: dict[str, Any]) -> None:
     """Refuse workers by what they answered to `worker_code`.
 
-    Raises
-    ------
-    UsageError
-        A worker has no gsvc_ref, or another version.
+    A UsageError says that a worker has no gsvc_ref, or another version.
     """
     for worker, answer in sorted(answers.items()):
         if isinstance(answer, BaseException) and (missing := MISSING.search(str(answer))):

@@ -17,10 +17,7 @@ def worker_code() -> str:
 def call(version: str, data: bytes) -> bytes:
     """Make a call that is pickled as (function, arguments, options), if this process has the same version.
 
-    Returns
-    -------
-    bytes
-        A pickled pair: the address of the worker, and what the call returned.
+    Returns a pickled pair: the address of the worker, and what the call returned.
     """
     if version != code_version():
         raise OtherCodeError(f"a worker has gsvc_ref {code_version()}, and its caller {version}")

@@ -30,10 +30,10 @@ SEGMENT_S: Final = 0.5
 """Seconds that a segment is meant to take, by the pace of the one before it in its group; the first has one frame.
 A coder of 352x288 pixels and 2,000 splats is 1.7 MB, which take 2 ms to pickle and make again, each time it is sent."""
 
-MOST_FRAMES: Final = 16
+MAX_GROUP_FRAMES: Final = 16
 """Maximum number of frames of a segment of SEGMENT_S, and in proportion of one that is meant to take longer."""
 
-MOST_BYTES: Final = 1 << 25
+MAX_GROUP_BYTES: Final = 1 << 25
 """Maximum number of bytes of the frames of a segment, unless it is a single frame."""
 
 I_FRAME: Final = 4
@@ -41,21 +41,11 @@ I_FRAME: Final = 4
 
 
 class EncodedSegment(NamedTuple):
-    """What became of a segment.
+    """What became of a segment."""
 
-    Attributes
-    ----------
-    frames
-        The encoded frames, each with the seconds that it took.
-    coder
-        The coder for the next segment.
-    fault
-        What ended it early, and where that was raised.
-    """
-
-    frames: list[tuple[EncodedFrame, float]]
-    coder: GroupCoder
-    fault: Exception | None = None
+    frames: list[tuple[EncodedFrame, float]]  # the encoded frames, each with the seconds that it took
+    coder: GroupCoder  # the coder for the next segment
+    fault: Exception | None = None  # what ended it early, and where that was raised
     place: str = ""
 
 
@@ -98,43 +88,26 @@ NO_PICTURE: Final[Frame] = np.empty((0, 0, 3), np.uint8)
 
 
 class Group:
-    """A group of pictures in work.
-
-    Attributes
-    ----------
-    coder
-        The coder for its next segment; None while the first frame of the stream has not decided what is in it.
-    waiting, segment, done
-        Its frames: those for later segments, of the segment in work, and those that are encoded and not yet written.
-    task
-        The segment in work.
-    tries
-        How often this segment was given out.
-    pace
-        Seconds that a frame of the last segment took.
-    is_whole
-        Whether all of its frames are known.
-    fault
-        What stands in place of its next frame.
-    resumed
-        What keeps it, or has kept it before; None if groups are not kept.
-    segment_s
-        Seconds that a segment is meant to take.
-    """
+    """A group of pictures in work."""
 
     def __init__(
-        self, coder: GroupCoder | None, resumed: GroupInWork | None = None, segment_s: float | None = None
+        self,
+        coder: GroupCoder | None,  # for its next segment; None while the first frame of the stream is not encoded
+        resumed: GroupInWork | None = None,  # what keeps it, or has kept it before; None if groups are not kept
+        segment_s: float | None = None,
     ) -> None:
         self.coder, self.resumed = coder, resumed
-        self.segment_s = SEGMENT_S if segment_s is None else segment_s
+        self.segment_s = SEGMENT_S if segment_s is None else segment_s  # seconds that a segment is meant to take
+        # Its frames: those for later segments, those of the segment in work, and those that are encoded and not yet
+        # written
         self.waiting: deque[TypedFrame[Frame]] = deque()
         self.segment: list[TypedFrame[Frame]] = []
         self.done: deque[Done] = deque()
-        self.task: Future[EncodedSegment] | None = None
-        self.tries = 0
-        self.pace = self.segment_s
-        self.is_whole = False
-        self.fault: Exception | None = None
+        self.task: Future[EncodedSegment] | None = None  # the segment in work
+        self.tries = 0  # how often this segment was given out
+        self.pace = self.segment_s  # seconds that a frame of the last segment took
+        self.is_whole = False  # whether all of its frames are known
+        self.fault: Exception | None = None  # what stands in place of its next frame
 
     @property
     def may_go_on(self) -> bool:
@@ -171,7 +144,8 @@ class Group:
         """The frames of the next segment, or again of one that was lost."""
         if not self.segment:
             most = min(
-                MOST_FRAMES * max(1, round(self.segment_s / SEGMENT_S)), MOST_BYTES // self.waiting[0].frame.nbytes
+                MAX_GROUP_FRAMES * max(1, round(self.segment_s / SEGMENT_S)),
+                MAX_GROUP_BYTES // self.waiting[0].frame.nbytes,
             )
             count = min(max(1, min(int(self.segment_s / self.pace), most)), len(self.waiting))
             self.segment = [self.waiting.popleft() for _ in range(count)]

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 R = TypeVar("R")
 
-MOST_JOBS: Final = 1024
+MAX_JOBS: Final = 1024
 """Maximum number of groups of pictures that are encoded at the same time."""
 
 LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGHUP") if hasattr(signal, name))
@@ -38,9 +38,9 @@ LEFT_TO_CALLER: Final = tuple(getattr(signal, name) for name in ("SIGINT", "SIGH
 
 
 def check_jobs(jobs: int) -> None:
-    """Refuse a number of jobs that is not in 1..MOST_JOBS with a UsageError."""
-    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MOST_JOBS:
-        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MOST_JOBS}")
+    """Refuse a number of jobs that is not in 1..MAX_JOBS with a UsageError."""
+    if isinstance(jobs, bool) or not isinstance(jobs, int) or not 1 <= jobs <= MAX_JOBS:
+        raise UsageError(f"jobs is {jobs!r}; it must be a whole number in 1..{MAX_JOBS}")
 
 
 class DeadProcessError(BrokenExecutor):
@@ -48,17 +48,10 @@ class DeadProcessError(BrokenExecutor):
 
 
 class Processes(Executor):
-    """An executor with up to `count` processes, each of them started when a call first needs it, or by `start`.
+    """An executor with up to `count` processes, each of them started when a call first needs it, or by `start`."""
 
-    Parameters
-    ----------
-    count
-        The number of calls at the same time.
-    preload
-        A module that each process imports before its first call.
-    """
-
-    def __init__(self, count: int, preload: str | None = None) -> None:
+    # A module that each process imports before its first call
+    def __init__(self, count: int, preload: str | None = None) -> None:  # the number of calls at the same time
         self._is_over = False
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="gsvc_ref processes")
         self._workers = [_Worker(preload) for _ in range(count)]

@@ -65,50 +65,26 @@ class _Word(Enum):
 
 
 class SideBySide:
-    """Encodes groups of pictures side by side; a context manager, to be left when all frames are put or none follows.
-
-    Parameters
-    ----------
-    coder
-        Encodes the first frame.
-    jobs
-        The number of tasks that are given out at the same time.
-    executor
-        Takes the tasks; None: `jobs` processes of this machine.
-    on_first
-        Called when the first frame is encoded, with a coder that knows what was decided.
-    on_frame
-        Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours.
-    keeper
-        Keeps the groups that are done, and has those of an encode before; None: nothing is kept.
-    segment_s
-        Seconds that a task is meant to take; None: SEGMENT_S.
-    longest_first
-        Give out segments of the group of which most is left first, so that no long one is begun last; False: those of
-        earlier groups, which can then be written soonest, unless a later one would end last.
-    on_progress
-        Called with the number of frames encoded, in any order, the number of groups in work, and the PSNR of the
-        last one, in the thread that puts frames.
-
-    Attributes
-    ----------
-    is_over
-        Whether the thread of ours has ended, which an interrupt does not wait for if a write never ends.
-    kept
-        The number of frames so far that `keeper` had.
-    """
+    """Encodes groups of pictures side by side; a context manager, left when all frames are put or none follows."""
 
     def __init__(
         self,
-        coder: GroupCoder,
-        jobs: int,
-        executor: Executor | None,
+        coder: GroupCoder,  # encodes the first frame
+        jobs: int,  # the number of tasks that are given out at the same time
+        executor: Executor | None,  # takes the tasks; None: `jobs` processes of this machine
+        # Called when the first frame is encoded, with a coder that knows what was decided
         on_first: Callable[[GroupCoder], None],
+        # Called with each frame in order, as it was encoded, and the seconds that it took, in a thread of ours
         on_frame: Callable[[TypedFrame[Frame], EncodedFrame, float], None],
+        # Called with the number of frames encoded, in any order, the number of groups in work, and the PSNR of the last
+        # one, in the thread that puts frames
         on_progress: Callable[[int, int, float], None],
+        # Keeps the groups that are done, and has those of an encode before; None: nothing is kept
         keeper: Keeper | None = None,
         *,
-        segment_s: float | None = None,
+        segment_s: float | None = None,  # seconds that a task is meant to take; None: SEGMENT_S
+        # Give out segments of the group of which most is left first, so that no long one is begun last; False: those of
+        # earlier groups, which can then be written soonest, unless a later one would end last
         longest_first: bool = False,
     ) -> None:
         self._ours: Processes | None = None
@@ -121,16 +97,15 @@ class SideBySide:
             coder, jobs, executor, on_first, on_frame, self._inbox, self._outbox, keeper, segment_s, longest_first
         )
         self._most_groups, self._most_bytes = GROUPS_AHEAD * jobs + 1, BYTES_AHEAD * jobs
-        self._groups = self._bytes = self._encoded = self.kept = 0
+        self._groups = self._bytes = self._encoded = 0
+        self.kept = 0  # frames so far that `keeper` had
+        # Whether the thread of ours has ended, which an interrupt does not wait for if a write never ends
         self.is_over = False
 
     def put(self, item: TypedFrame[Frame]) -> None:
         """Hand over the next frame; this waits while too many are read and not yet written.
 
-        Raises
-        ------
-        Exception
-            A frame before could not be encoded or written, and those before that one are written.
+        Raises what kept a frame before from being encoded or written; those before that one are written.
         """
         begins = item.type == "I"
         while not self._outbox.empty():
@@ -184,13 +159,7 @@ class SideBySide:
 
 
 class _Leader:
-    """What the thread does that hands out segments and writes frames.
-
-    Attributes
-    ----------
-    is_stopped
-        Set by the other thread: no more segments are to be given out.
-    """
+    """What the thread does that hands out segments and writes frames."""
 
     def __init__(
         self,
@@ -212,6 +181,7 @@ class _Leader:
         self._first = coder
         self._later = None if coder.decides_first else coder.for_group()  # never used itself: each group has its own
         self._groups: deque[Group] = deque()  # in order, those of which something is left to be done
+        # Set by the other thread: no more segments are to be given out
         self._is_begun = self._has_first = self._is_whole = self.is_stopped = False
 
     def lead(self) -> None:

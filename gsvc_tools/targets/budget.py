@@ -44,7 +44,7 @@ QUANTIZER_SLOPE: Final = 0.145
 MAX_QUANTIZER_CHANGE: Final = 16
 """The maximum difference between the quantisers of a P-frame and its I-frame, two octaves of D."""
 
-MOST_OCTAVES: Final = 0.15
+MAX_OCTAVES: Final = 0.15
 """Profile `paper`: the same of the number of splats."""
 
 BITS_DECAY: Final = 0.9
@@ -56,37 +56,15 @@ CHUNK_BITS: Final = 60
 
 @dataclass(frozen=True)
 class GroupPlan:
-    """What is planned for a group of pictures.
+    """What is planned for a group of pictures."""
 
-    Attributes
-    ----------
-    splats
-        The number of splats of a frame.
-    bits
-        What its frames are to take together.
-    frame_bits
-        What each of them is expected to take with that many splats.
-    """
-
-    splats: int
-    bits: float
-    frame_bits: tuple[float, ...]
+    splats: int  # the number of splats of a frame
+    bits: float  # what its frames are to take together
+    frame_bits: tuple[float, ...]  # what each of them is expected to take with that many splats
 
 
 class BudgetCoder:
-    """A GroupCoder that leads another one by plans.
-
-    Parameters
-    ----------
-    coder
-        Encodes frames.
-    video
-        The format of the source.
-    plans
-        The plan of each group by the number of its first frame.
-    most
-        No frame gets more splats.
-    """
+    """A GroupCoder that leads another one by the plan of each group; no frame gets more than `most` splats."""
 
     def __init__(self, coder: GroupCoder, video: VideoFormat, plans: Mapping[int, GroupPlan], most: int) -> None:
         assert isinstance(coder, MainFrameEncoder | FrameEncoder)
@@ -133,10 +111,7 @@ class BudgetCoder:
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction.
 
-        Raises
-        ------
-        GsvcError
-            ``invalid``: the source has other frames than when it was read before.
+        A GsvcError ``invalid`` says that the source has other frames than when it was read before.
         """
         if number in self._plans:
             self._begin(self._plans[number])
@@ -194,33 +169,22 @@ class BudgetCoder:
             whole = round(min(max(change, -MAX_QUANTIZER_CHANGE), MAX_QUANTIZER_CHANGE))
             self._coder.quantizer = min(max(self._base - whole, 0), QUANTIZERS - 1)
             return float(self._base - self._coder.quantizer)
-        octaves = min(max(change, -MOST_OCTAVES), MOST_OCTAVES)
+        octaves = min(max(change, -MAX_OCTAVES), MAX_OCTAVES)
         self._coder.intra_splats = min(max(1, round(self._base * _power_of_two(octaves))), self._most)
         return float(log2(self._coder.intra_splats / self._base))
 
     def _nearest(
         self,
-        frame: tuple[Any, ...],
-        goal: float,
+        frame: tuple[Any, ...],  # what `GroupCoder.encode` takes
+        goal: float,  # the number of bits, which may be missed by `room`
         room: float,
-        set_to: Callable[[float], float],
+        set_to: Callable[[float], float],  # sets what is tried, and returns the value that is possible
+        # the first value, log2 of the bits that 1 more gains, and how many are tried at most
         value: float,
         slope: float,
         tries: int,
     ) -> tuple[EncodedFrame, float, float]:
-        """The frame of those tried with the nearest number of bits, these, and its value; the coder goes on from it.
-
-        Parameters
-        ----------
-        frame
-            What `GroupCoder.encode` takes.
-        goal, room
-            The number of bits, and by how much it may be missed.
-        set_to
-            Sets what is tried, and returns the value that is possible.
-        value, slope, tries
-            The first value; log2 of the bits that 1 more gains; how many are tried at most.
-        """
+        """The frame of those tried with the nearest number of bits, these, and its value; the coder goes on from it."""
         before = after = self._coder
         best: tuple[EncodedFrame, float, float] | None = None
         tried = set()

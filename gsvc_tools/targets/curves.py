@@ -55,41 +55,21 @@ HALVINGS: Final = 60
 
 @dataclass(frozen=True)
 class FrameCost:
-    """What a frame took.
+    """What a frame took."""
 
-    Attributes
-    ----------
-    number, type
-        Its number in the stream, and I, P or R.
-    bits
-        Of its whole chunk.
-    error
-        The mean squared error, with 1 for the square of the peak.
-    """
-
-    number: int
+    number: int  # in the stream
     type: FrameType
-    bits: float
-    error: float
+    bits: float  # of its whole chunk
+    error: float  # the mean squared error, with 1 for the square of the peak
 
 
 @dataclass(frozen=True)
 class GroupCurve:
-    """The bits and the error of a group of pictures over log2 N.
+    """The bits and the error of a group of pictures over log2 N."""
 
-    Attributes
-    ----------
-    frames
-        What its frames took.
-    octave
-        log2 of the N that they were encoded with.
-    slopes
-        How that changes with N.
-    """
-
-    frames: tuple[FrameCost, ...]
-    octave: float
-    slopes: Slopes = USUAL
+    frames: tuple[FrameCost, ...]  # what its frames took
+    octave: float  # log2 of the N that they were encoded with
+    slopes: Slopes = USUAL  # how that changes with N
 
     def frame_bits(self, octave: float) -> list[float]:
         """The bits of each frame with another N; an R-frame always has the same."""
@@ -114,12 +94,7 @@ class GroupCurve:
     def with_slopes(self, frames: Sequence[FrameCost], octave: float) -> Self:
         """The curve with slopes by a second measurement of its first frames, as far as that gives some.
 
-        Parameters
-        ----------
-        frames
-            What the first frames took with another N.
-        octave
-            log2 of that N.
+        `frames` are what the first frames took with another N, whose log2 is `octave`.
         """
         away = octave - self.octave
         if abs(away) < APART:
@@ -140,14 +115,8 @@ class GroupCurve:
 def equal_slope(curves: Sequence[GroupCurve], bits: float, low: float, high: float) -> list[float]:
     """log2 N of each group, so that all together have these bits and the least error.
 
-    Parameters
-    ----------
-    curves
-        At least one group.
-    bits
-        What they may take in all.
-    low, high
-        Limits of log2 N. If all of them at one limit take more than `bits`, or less, all are there.
+    They may take `bits` in all, and log2 N is from `low` to `high`: if all groups at one limit take more than `bits`,
+    or less, all are there.
     """
     even = same_for_all(curves, bits, low, high)
     least, most = max(low, even - SPREAD), min(high, even + SPREAD)

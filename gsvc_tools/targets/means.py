@@ -14,7 +14,7 @@ from gsvc_tools.targets.reading_again import Chosen
 MEASURES: Final = {"mean_psnr": "PSNR", "vmaf": "VMAF"}
 """The means that a clip is encoded to, as people call them."""
 
-MOST_SEARCHES: Final = 5
+MAX_SEARCHES: Final = 5
 """The most passes over a clip to reach a mean."""
 
 NEAR_MEAN: Final = {"mean_psnr": 0.2, "vmaf": 1.0}
@@ -39,7 +39,7 @@ def to_mean(passes: Passes) -> EncodeReport:
     octave = float(log2(default)) + (goal - DEFAULT_MEAN[name]) / slope
     attempts: dict[int, tuple[float, EncodeReport, IO[bytes]]] = {}
     with temporary_files() as new_file:
-        for attempt in range(MOST_SEARCHES):
+        for attempt in range(MAX_SEARCHES):
             octave = min(max(octave, passes.low), passes.high)
             splats = min(splats_of(octave), passes.most)
             if splats in attempts:

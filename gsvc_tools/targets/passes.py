@@ -24,31 +24,22 @@ from gsvc_tools.libvmaf import MIN_SIDE
 class Passes:
     """The passes over a clip: what they share.
 
-    Attributes
-    ----------
-    settings, base
-        The settings with their goal, and without it.
-    low, high
-        Limits of log2 of the number of splats.
-    begin
-        When the first one began, by `time.perf_counter`.
-    fault
-        What ended the last pass early, if anything did.
+    `low` and `high` are limits of log2 of the number of splats.
     """
 
     def __init__(
         self,
         opened: Callable[[], VideoReader],
         target: Target,
-        settings: Settings,
+        settings: Settings,  # with their goal; `base` without it
         jobs: int,
         executor: Executor | None,
         progress: OnProgress | None,
     ) -> None:
         self._opened, self.target, self.settings = opened, target, settings
         self._jobs, self._executor, self._progress = jobs, executor, progress
-        self.begin = time.perf_counter()
-        self.fault: IncompleteEncodeError | None = None
+        self.begin = time.perf_counter()  # when the first one began, by `time.perf_counter`
+        self.fault: IncompleteEncodeError | None = None  # what ended the last pass early, if anything did
         self.base = settings.with_(bitrate=None, size=None, mean_psnr=None, vmaf=None)
         with opened() as reader:
             self.format = reader.format
@@ -93,10 +84,7 @@ class Passes:
     ) -> EncodeReport:
         """Encode once to a temporary file.
 
-        Raises
-        ------
-        KeyboardInterrupt
-            It was interrupted.
+        A KeyboardInterrupt passes through.
         """
         report = self.run(reader, cast("Target", file), settings, pass_name, make_coder)
         if report.interrupted:

@@ -18,7 +18,7 @@ from gsvc_ref.video import VideoFormat, VideoReader
 from gsvc_ref.video.format import FrameRate
 from gsvc_ref.video.stream import PassingReader
 
-MOST_BYTES_KEPT: Final = 1 << 32
+MAX_BYTES_KEPT: Final = 1 << 32
 """The most bytes of frames that are kept in a temporary file, 690 frames of 1920x1080 with 8 bits."""
 
 
@@ -41,10 +41,7 @@ def can_be_read_again(source: Source) -> bool:
 def readable_again(source: Source, frame_rate: FrameRate | None) -> Iterator[Callable[[], VideoReader]]:
     """What gives a new reader of the source each time; frames that come once are kept in a temporary file.
 
-    Raises
-    ------
-    UsageError
-        While frames are read: they would take more than MOST_BYTES_KEPT bytes.
+    Reading ends with a UsageError where frames would take more than MAX_BYTES_KEPT bytes.
     """
     if can_be_read_again(source):
         yield lambda: _Reopened(source, frame_rate)
@@ -105,10 +102,10 @@ class _Kept:
         if frame is None:
             self._is_whole = True
             return None
-        if (number + 1) * self._size > MOST_BYTES_KEPT:
+        if (number + 1) * self._size > MAX_BYTES_KEPT:
             raise UsageError(
                 f"the source can be read once only, and more than {number} of its frames do not fit into the "
-                f"{MOST_BYTES_KEPT >> 30} GiB that a temporary file may take: give a file, or fewer frames"
+                f"{MAX_BYTES_KEPT >> 30} GiB that a temporary file may take: give a file, or fewer frames"
             )
         self._file.seek(number * self._size)
         self._file.write(np.ascontiguousarray(frame).tobytes())

@@ -19,13 +19,13 @@ SHARP_EDGE: Final = 64 / 255
 SOFT_EDGE: Final = 16 / 255
 """...and an edge of any kind is one of this."""
 
-LEAST_FLAT: Final = 0.4
+MIN_FLAT: Final = 0.4
 """Screen content has at least this fraction of equal pairs of neighbours in a row..."""
 
-LEAST_SHARP: Final = 0.005
+MIN_SHARP: Final = 0.005
 """...this fraction of sharp edges among all pairs of neighbours..."""
 
-LEAST_SHARP_SHARE: Final = 0.4
+MIN_SHARP_SHARE: Final = 0.4
 """...and this fraction of sharp ones among its edges. Of 24 pages, terminals, slides and windows drawn with Pillow's
 font, 176x144 to 640x360, all are found; the scanned and the photographed page of scikit-image are not. Of 20 scenes and
 20 other pictures of scikit-image two are found, which are drawings in black and white."""
@@ -42,24 +42,12 @@ SCREEN_DB_PER_DOUBLING: Final = 7.0
 
 @dataclass(frozen=True)
 class Sharpness:
-    """What tells screen content.
+    """What tells screen content."""
 
-    Attributes
-    ----------
-    flat
-        The fraction of pairs of neighbours in a row that are equal.
-    sharp
-        The fraction of pairs of neighbours, in rows and columns, with a sharp edge between them.
-    share
-        The fraction of sharp ones among all edges.
-    edge_pixels
-        The number of pixels at a sharp edge, about.
-    """
-
-    flat: float
-    sharp: float
-    share: float
-    edge_pixels: int
+    flat: float  # the fraction of pairs of neighbours in a row that are equal
+    sharp: float  # the fraction of pairs of neighbours, in rows and columns, with a sharp edge between them
+    share: float  # the fraction of sharp ones among all edges
+    edge_pixels: int  # the number of pixels at a sharp edge, about
 
     @classmethod
     def of(cls, frame: Frame, peak: int) -> Self:
@@ -81,7 +69,7 @@ class Sharpness:
     @property
     def is_screen(self) -> bool:
         """Whether the frame looks like text or a screen."""
-        return self.flat >= LEAST_FLAT and self.sharp >= LEAST_SHARP and self.share >= LEAST_SHARP_SHARE
+        return self.flat >= MIN_FLAT and self.sharp >= MIN_SHARP and self.share >= MIN_SHARP_SHARE
 
     @property
     def good_splats(self) -> int:
@@ -96,12 +84,7 @@ class Sharpness:
 def screen_note(frame: Frame, peak: int, settings: Settings) -> str | None:
     """What is to be expected of a frame (H, W, 3) u1 or u2 that looks like a screen, or None if nothing bad is.
 
-    Parameters
-    ----------
-    frame, peak
-        The frame, with samples of 0..peak.
-    settings
-        Those that it is to be encoded with.
+    The frame has samples of 0..peak, and is to be encoded with the settings.
     """
     sharpness = Sharpness.of(frame, peak)
     if not sharpness.is_screen:

@@ -49,7 +49,7 @@ FIRST_LOWER: Final = 0.5
 SAMPLED: Final = 3
 """The frames of each group that are encoded again with another number of splats."""
 
-LEAST_APART: Final = 0.75
+MIN_APART: Final = 0.75
 """By how many octaves at least that number differs."""
 
 GUESSED_FRAMES: Final = 25
@@ -71,11 +71,8 @@ def encode_to_goal(
 
     The report is that of the pass that is kept, with the time of all passes, and notes tell what was reached.
 
-    Raises
-    ------
-    UsageError
-        With `live`, since the first frame is final only when the whole clip has been encoded once; without a program
-        that has VMAF; or the source can be read once only and its frames do not fit into a temporary file.
+    A UsageError refuses `live`, since the first frame is final only when the whole clip has been encoded once, VMAF
+    without a program that has it, and a source that can be read once only and does not fit into a temporary file.
     """
     if live:
         raise UsageError(f"{settings.goal} needs every frame twice, and a live stream is written at once: drop one")
@@ -193,8 +190,8 @@ def _with_slopes(passes: Passes, curves: list[GroupCurve], bits: float) -> list[
     octave = curves[0].octave
     planned = equal_slope(curves, max(bits, 0.0), passes.low, passes.high)
     away = total(planned) / len(planned) - octave
-    if abs(away) < LEAST_APART:
-        away = LEAST_APART if away >= 0 and octave + LEAST_APART <= passes.high else -LEAST_APART
+    if abs(away) < MIN_APART:
+        away = MIN_APART if away >= 0 and octave + MIN_APART <= passes.high else -MIN_APART
     other = min(max(octave + away, passes.low), passes.high)
     splats = splats_of(other)
     offset = passes.base.frames[0]

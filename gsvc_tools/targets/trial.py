@@ -85,36 +85,19 @@ class Range:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What an encode would take.
+    """What an encode would take."""
 
-    Attributes
-    ----------
-    format
-        The format of the source.
-    frames
-        The number of frames; None if the source does not tell.
-    frames_tried
-        The number of frames that were encoded.
-    seconds, file_bytes, bits_per_pixel, mean_psnr
-        Of the whole; without a number of frames, seconds and bytes are those of one second of the video.
-    splats
-        The number of splats of an I-frame with its layers.
-    level
-        The level that the stream needs, by the frames tried.
-    notes
-        Sentences on the source, and on what to expect.
-    """
-
-    format: VideoFormat
-    frames: int | None
-    frames_tried: int
+    format: VideoFormat  # the format of the source
+    frames: int | None  # the number of frames; None if the source does not tell
+    frames_tried: int  # the number of frames that were encoded
+    # Of the whole; without a number of frames, seconds and bytes are those of one second of the video
     seconds: Range
     file_bytes: Range
     bits_per_pixel: Range
     mean_psnr: Range
-    splats: int
-    level: int
-    notes: tuple[str, ...]
+    splats: int  # the number of splats of an I-frame with its layers
+    level: int  # the level that the stream needs, by the frames tried
+    notes: tuple[str, ...]  # sentences on the source, and on what to expect
 
 
 @dataclass(frozen=True)
@@ -131,21 +114,8 @@ class _Trial:
 def estimate(opened: Callable[[], VideoReader], settings: Settings, jobs: int = 1) -> Estimate:
     """Encode some frames of a source, and say what the whole is likely to take.
 
-    Parameters
-    ----------
-    opened
-        Gives a new reader of the source; it is called once.
-    settings
-        Those of the encode.
-    jobs
-        The number of groups of pictures that the encode is to have in work.
-
-    Raises
-    ------
-    GsvcError
-        The source cannot be read, or has no frames.
-    UsageError
-        The settings do not fit the source.
+    `opened` gives a new reader of the source, and is called once. A GsvcError says that the source cannot be read or
+    has no frames, a UsageError that the settings do not fit it.
     """
     with opened() as reader:
         video = reader.format

@@ -13,7 +13,7 @@ from gsvc_base.files import PartialFile
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
 
-MOST_HELD: Final = 1 << 30
+MAX_HELD: Final = 1 << 30
 """Maximum number of bytes of all pictures: Pillow writes the file at the end, and holds them until then."""
 
 GIF_COLOURS: Final = 256
@@ -34,7 +34,7 @@ class AnimationWriter(VideoWriter):
 
     A GIF has at most 256 colours in each picture, chosen for it, and counts time in hundredths of a second, a WebP in
     milliseconds; delays are rounded such that errors do not add up. A UsageError says that Pillow was built without
-    WebP, a side is too long, the pictures have more than MOST_HELD bytes, or, on `close`, that there is no frame.
+    WebP, a side is too long, the pictures have more than MAX_HELD bytes, or, on `close`, that there is no frame.
     """
 
     carries_times = True
@@ -59,9 +59,9 @@ class AnimationWriter(VideoWriter):
 
     def _write(self, frame: Frame) -> None:
         size = frame.shape[0] * frame.shape[1] * (1 if self._kind == ".gif" else 3)
-        if (len(self._pictures) + 1) * size > MOST_HELD:
+        if (len(self._pictures) + 1) * size > MAX_HELD:
             raise UsageError(
-                f"{self._target.name} would take more than {MOST_HELD >> 20} MiB of memory: decode fewer frames "
+                f"{self._target.name} would take more than {MAX_HELD >> 20} MiB of memory: decode fewer frames "
                 f"(--frames), or write .mp4"
             )
         picture = Image.fromarray(np.rint(frame * (255 / self.format.peak)).astype(np.uint8))

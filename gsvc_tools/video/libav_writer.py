@@ -12,9 +12,10 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_base.arrays import Frame
+from gsvc_base.constants import LUMA_WEIGHTS
 from gsvc_base.errors import UsageError, naming
 from gsvc_base.files import PartialFile
-from gsvc_ref.video.color import LUMA_WEIGHTS, to_planes
+from gsvc_ref.video.color import to_planes
 from gsvc_ref.video.format import ChromaFormat, VideoFormat, assumed_matrix
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoWriter
 from gsvc_tools.video.libav import import_av

@@ -19,10 +19,10 @@ from gsvc_ref.video.stream import PassingReader, VideoReader
 Scale = float | tuple[int, int]
 """A factor, or width and height in pixels."""
 
-MOST_FACTOR: Final = 16.0
+MAX_FACTOR: Final = 16.0
 """Maximum factor of a size, and of a frame rate."""
 
-LEAST_SCALING: Final = 1 / 256
+MIN_SCALING: Final = 1 / 256
 """Minimum factor of a size, and of a frame rate."""
 
 LONGEST_REPEAT_S: Final = 3600
@@ -83,10 +83,10 @@ class FrameRateReader(_Changed):
         rate = exact_frame_rate(frame_rate)
         video = reader.format
         factor = rate / video.frame_rate
-        if not LEAST_SCALING <= factor <= MOST_FACTOR:
+        if not MIN_SCALING <= factor <= MAX_FACTOR:
             raise UsageError(
                 f"{rate} frames per second are {float(factor):.3g} times the {video.frame_rate} of the source; it must "
-                f"be 1/{round(1 / LEAST_SCALING)} to {MOST_FACTOR:g} times"
+                f"be 1/{round(1 / MIN_SCALING)} to {MAX_FACTOR:g} times"
             )
         count = video.frame_count
         if count is not None:
@@ -153,9 +153,9 @@ def scaled_size(width: int, height: int, scale: Scale) -> tuple[int, int]:
     if isinstance(scale, tuple):
         wide, high = scale
     else:
-        if not LEAST_SCALING <= scale <= MOST_FACTOR:
+        if not MIN_SCALING <= scale <= MAX_FACTOR:
             raise UsageError(
-                f"the scale is {scale:g}; it must be 1/{round(1 / LEAST_SCALING)} to {MOST_FACTOR:g}, or WIDTHxHEIGHT"
+                f"the scale is {scale:g}; it must be 1/{round(1 / MIN_SCALING)} to {MAX_FACTOR:g}, or WIDTHxHEIGHT"
             )
         wide, high = max(1, round(width * scale)), max(1, round(height * scale))
     if not (1 <= wide <= MAX_DIMENSION and 1 <= high <= MAX_DIMENSION and wide * high <= MAX_PIXELS):

@@ -11,7 +11,7 @@ from gsvc_base.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
 from gsvc_ref.video.alpha import Background
 
-MOST_VIEWED_BYTES: Final = 1 << 30
+MAX_VIEWED_BYTES: Final = 1 << 30
 """Bytes of frames that are kept in a temporary file: 172 frames of 1920 × 1080, so that going back reads no video."""
 
 
@@ -22,7 +22,7 @@ class SourceFrames:
     """
 
     def __init__(
-        self, name: str, first: int = 0, most_kept: int = MOST_VIEWED_BYTES, background: Background | None = None
+        self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES, background: Background | None = None
     ) -> None:
         self.name, self._first, self._background = name, first, background
         self._reader: VideoReader = open_video(name, background=background)

@@ -271,7 +271,7 @@ def test_bounds_that_shaders_of_main_rely_on():
     """Comments of main_frequencies.wgsl state these: 32 bits suffice for (15-8)."""
     sums = []
     for alpha in main_tables.ALPHAS:
-        for n in range(1, main_tables.MOST_TABLED + 1):
+        for n in range(1, main_tables.MAX_TABLED + 1):
             weights = [2**16]
             for i in range(n // 2):
                 a, b = (n - i) * (i + alpha), (i + 1) * (n - i - 1 + alpha)

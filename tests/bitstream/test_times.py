@@ -89,7 +89,7 @@ def test_values_that_no_chunk_can_have_are_not_written():
 
 
 def test_a_hostile_stream_does_not_fill_the_memory(monkeypatch):
-    monkeypatch.setattr(module, "MOST_RUNS_KEPT", 3)
+    monkeypatch.setattr(module, "MAX_TIME_RUNS_KEPT", 3)
     times = FrameTimes(RATE)
     assert [times.add(payload(1000, 2 * n, 2, 1, 7, 1, 9), 0) for n in range(4)] == [True, True, False, False]
     assert times.time_of(6) == Fraction(32, 1000) + 2 / RATE

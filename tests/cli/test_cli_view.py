@@ -21,6 +21,7 @@ from gsvc_tools.cli import view
 from gsvc_tools.viewing import entrance, server
 
 TIMEOUT_S = 120
+posix = pytest.mark.skipif(os.name != "posix", reason="signals, limits and named pipes of POSIX")
 START = """
 import signal
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs ignore it
@@ -166,6 +167,16 @@ def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys):
     assert refused(capsys, stream, "--max-bytes", "1G")[0] == 2
 
 
+@posix
+def test_a_pipe_with_a_name_is_not_waited_for(stream, tmp_path, capsys):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    told = f"{pipe} is a pipe or a device, which is read once only: give gsvc view - < {pipe}"
+    assert refused(capsys, pipe) == (2, told)
+    assert refused(capsys, pipe, "--live") == (2, told)
+    assert refused(capsys, stream, pipe) == refused(capsys, stream, "-")
+
+
 def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
     standard_input(b"YUV4MPEG2 W32 H24 F25:1")
     monkeypatch.setattr(view, "LOOK_S", 0.01)
@@ -193,9 +204,6 @@ def test_a_port_in_use_is_refused(stream, capsys):
     with server.Server(server.Viewing("a", None)) as taken:
         code, told = refused(capsys, stream, "--port", taken.server_port)
     assert (code, told) == (2, f"port {taken.server_port} is in use; give another --port, or leave it out")
-
-
-posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
 
 
 @contextmanager

@@ -13,11 +13,11 @@ from gsvc_ref.encoder import Settings
 from gsvc_ref.encoder.held_quality import (
     ENOUGH,
     I_TRIES,
-    MOST_TRIES,
-    coarser,
-    fewest_splats,
+    MAX_TRIES,
     is_missed,
-    most_spared,
+    search_removals,
+    search_splat_count,
+    search_threshold,
 )
 from gsvc_ref.metrics import psnr
 from gsvc_ref.stream import decode
@@ -45,7 +45,7 @@ def counting(curve):
 @pytest.mark.parametrize("first", [40, 300, 4000])
 def test_a_line_over_the_logarithm_is_found(slope, first):
     make, asked = counting(lambda n: 30 + slope * np.log2(n / 300))
-    number, frame = fewest_splats(make, first, 5000, 30.0)
+    number, frame = search_splat_count(make, first, 5000, 30.0)
     assert frame.of == number
     assert 30 <= frame.psnr <= 30 + ENOUGH
     assert len(asked) <= I_TRIES
@@ -53,7 +53,7 @@ def test_a_line_over_the_logarithm_is_found(slope, first):
 
 def test_where_steps_are_larger_than_enough_the_fewest_that_reach_it_are_found():
     make, asked = counting(lambda n: 30 + 2 * (n // 50 - 6) + 0.5)
-    number, frame = fewest_splats(make, 330, 5000, 30.0)
+    number, frame = search_splat_count(make, 330, 5000, 30.0)
     assert frame.psnr == 30.5
     assert number == min(n for n in asked if n >= 300)
     assert len(asked) == len(set(asked)) <= I_TRIES
@@ -61,23 +61,23 @@ def test_where_steps_are_larger_than_enough_the_fewest_that_reach_it_are_found()
 
 def test_a_goal_out_of_reach_takes_all_splats_that_are_allowed():
     make, asked = counting(lambda n: 20 + np.log2(n))
-    number, frame = fewest_splats(make, 10, 640, 35.0)
+    number, frame = search_splat_count(make, 10, 640, 35.0)
     assert (number, frame.of) == (640, 640)
-    assert len(asked) == len(set(asked)) <= MOST_TRIES
+    assert len(asked) == len(set(asked)) <= MAX_TRIES
 
 
 def test_the_search_goes_on_while_nothing_reaches_the_goal():
     make, asked = counting(lambda n: 30 - 0.2 * (n < 100) - 1.0 * (n < 98) - 1.0 * (n < 90))
-    _, frame = fewest_splats(make, 80, 500, 30.0)
+    _, frame = search_splat_count(make, 80, 500, 30.0)
     assert frame.psnr >= 30
-    assert len(asked) <= MOST_TRIES
+    assert len(asked) <= MAX_TRIES
 
 
 @pytest.mark.parametrize("spare", [0, 1, 7, 62])
 def test_as_many_splats_are_spared_as_the_goal_allows(spare):
     make, asked = counting(lambda fewer: 30.0 if fewer <= spare else 29.9)
     whole = Made(31.0, 0)
-    assert most_spared(make, whole, 63, 30.0) == (Made(30.0, spare) if spare else whole)
+    assert search_removals(make, whole, 63, 30.0) == (Made(30.0, spare) if spare else whole)
     assert len(asked) <= 6
 
 
@@ -85,10 +85,10 @@ def test_as_many_splats_are_spared_as_the_goal_allows(spare):
 def test_changes_become_fewer_until_the_goal_is_near(most):
     make, _ = counting(lambda scale: 30 + 0.4 * np.log2(most / scale))
     begin = make(1.0)
-    frame = coarser(make, begin, 30.0)
+    frame = search_threshold(make, begin, 30.0)
     assert 30 <= frame.psnr <= begin.psnr
     assert frame.psnr <= 30 + 2 * ENOUGH
-    assert coarser(make, begin, 99.0) == begin  # it misses the goal as it is
+    assert search_threshold(make, begin, 99.0) == begin  # it misses the goal as it is
 
 
 def test_an_i_frame_takes_the_place_of_a_p_frame_only_where_i_frames_are_better():

@@ -142,7 +142,7 @@ def test_an_interrupt_leaves_the_times_of_the_frames_that_are_there():
 
 @pytest.mark.parametrize("ahead", [1, 2, 3, 64])
 def test_frames_read_ahead_are_few_and_in_order(monkeypatch, ahead):
-    monkeypatch.setattr(times, "MOST_AHEAD", ahead)
+    monkeypatch.setattr(times, "MAX_AHEAD", ahead)
     reader = UnevenReader()
     source = SourceTimes(reader, 0, None, least_delay=False)
     for number, frame in enumerate(source.frames()):

@@ -21,6 +21,7 @@ from fuzz.layout import elements, split
 from fuzz.stream_mutations import MUTATIONS, mutate_stream
 
 from gsvc_base.errors import GsvcError
+from gsvc_base.files import PartialFile
 from gsvc_conformance.cases.faulty import faults
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import categories_of
@@ -41,7 +42,7 @@ RUNS = {
 }  # fmt: skip
 """Executions of each target here; `python -m tests.hostile.fuzz` makes as many as are wanted."""
 
-AT_LEAST, MOST_RUNS = 5_000, 20_000
+AT_LEAST, MAX_TIME_RUNS = 5_000, 20_000
 """Executions in which every rule is broken; the rarest one, R-8-1, needs some thousand."""
 
 RULES = {"parser": 30, "differential": 30, "planes": 8}
@@ -91,7 +92,7 @@ def test_inputs_of_a_seed(name: str, pools: dict[str, list[bytes]], tmp_path: Pa
 def test_every_rule_is_reached(pools: dict[str, list[bytes]], tmp_path: Path) -> None:
     """gsvc_ref and spec.md agree in kind, rule and bit on inputs that break every rule that can be broken."""
     rules, broken = {fault.rule for fault in faults()}, set()
-    for first in range(0, MOST_RUNS, AT_LEAST):
+    for first in range(0, MAX_TIME_RUNS, AT_LEAST):
         tally = seeded.run_part("differential", 0, range(first, first + AT_LEAST), pools["differential"], tmp_path)
         assert not tally.defects, "\n".join(what for _, what in tally.defects)
         broken |= {word.split()[0] for word in tally.outcomes if word.startswith("R-")}
@@ -159,7 +160,7 @@ PLANTED: dict[str, tuple[str, str, Any]] = {
     "an empty run has a last element": (
         "listing", "gsvc_tools.listing.Entry.item_at", lambda run, bit: run if run.count == 1 else next(run.items()),
     ),
-    "an export is left half done": ("export", "gsvc_base.files.PartialFile.discard", nothing),
+    "what is half done is left": ("import", "gsvc_base.files.PartialFile.discard", PartialFile._unlock),
 }  # fmt: skip
 """Defects: the target that must find them, and what (of gsvc_ref, where no package is named) is replaced by what."""
 

@@ -19,7 +19,7 @@ from typing import Final
 
 REPOSITORY: Final = Path(__file__).parents[2]
 SOURCES: Final = Path("/etc/apt/sources.list.d/debian.sources")
-LEAST_KERNEL: Final = (6, 7)
+MIN_KERNEL: Final = (6, 7)
 """Whose binfmt_misc belongs to a user namespace."""
 
 RUN: Final = r"""
@@ -159,7 +159,7 @@ class Emulator:
     def _check(self) -> None:
         release = tuple(map(int, re.findall(r"\d+", os.uname().release)[:2]))
         missing = [name for name in ("unshare", "apt-get", "dpkg-deb", "chroot") if shutil.which(name) is None]
-        if sys.platform != "linux" or release < LEAST_KERNEL:
+        if sys.platform != "linux" or release < MIN_KERNEL:
             reason = f"Linux {os.uname().release}; binfmt_misc in a user namespace needs 6.7"
         elif missing:
             reason = f"there is no {', no '.join(missing)}: use Debian or a container of it"

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.bitstream import CATEGORIES, SequenceHeader, chunks, crc32c
+from gsvc_ref.bitstream import CATEGORIES, SequenceHeader, crc32c
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream import StreamReader, StreamWriter
@@ -32,6 +32,7 @@ from gsvc_ref.testing import (
     streams,
     write_stream,
 )
+from gsvc_tools.editing.copying import belongs_to_frame, is_safe_to_copy
 
 
 class Pipe(io.RawIOBase):
@@ -342,5 +343,5 @@ def test_a_file_opened_to_append_holds_a_whole_stream(tmp_path):
 
 def test_bits_of_an_ancillary_type_tell_what_becomes_of_its_chunk() -> None:
     letters = "abdnpqrstxz"
-    assert "".join(letter for letter in letters if chunks.is_safe_to_copy(ord(letter))) == "aqs"
-    assert "".join(letter for letter in letters if chunks.belongs_to_frame(ord(letter))) == "bnrsz"
+    assert "".join(letter for letter in letters if is_safe_to_copy(ord(letter))) == "aqs"
+    assert "".join(letter for letter in letters if belongs_to_frame(ord(letter))) == "bnrsz"

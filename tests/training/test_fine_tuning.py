@@ -8,6 +8,7 @@ from codec_cases import adan_fast, encoded, flat, paper_quick, waves
 
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder import Settings
+from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.paper import FrameCodes, Kept, State, reconstruct
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.stream import Stream
@@ -19,7 +20,6 @@ from gsvc_ref.training import (
     Population,
     fine_tune,
     fit,
-    image_start,
     loss_of_psnr,
 )
 from gsvc_ref.training.block_quantizer import BlockQuantizer

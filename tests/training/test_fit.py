@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from codec_cases import adan_fast
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
+from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.rendering import Objective, render_sum
 from gsvc_ref.training import (
     MIN_FACTOR,
@@ -17,13 +16,11 @@ from gsvc_ref.training import (
     Constant,
     Convergence,
     FitSettings,
-    Growth,
     Population,
     PruningSchedule,
     Rates,
     StepDecay,
     fit,
-    image_start,
     random_splats,
     uniform_numbers,
 )
@@ -125,23 +122,6 @@ def test_no_iterations_change_nothing():
     before = made.values.copy()
     assert fit(made, objective, replace(BARE, iterations=0)) == (objective.loss(made.parameters()), 0)
     assert np.array_equal(made.values, before)
-
-
-@given(st.integers(1, 3000), st.integers(1, 300), st.sampled_from([Growth(), Growth(0.5, 3, 0.0, 0.9), Growth(1.0, 1)]))
-def test_growth_always_ends_with_the_total(total, iterations, growth):
-    counts = growth.counts(total, iterations)
-    assert list(counts) == sorted(counts)
-    assert list(counts.values()) == sorted(counts.values())
-    assert min(counts) >= 0
-    assert max(counts) < iterations
-    assert counts[max(counts)] == total
-    assert 1 <= growth.start(total) <= total
-
-
-@pytest.mark.parametrize("wrong", [{"end": 1.0}, {"additions": 0}, {"first": -0.1}, {"begin": 0.7, "end": 0.6}])
-def test_growth_that_would_not_end_with_the_total_is_refused(wrong):
-    with pytest.raises(UsageError, match=r"[gG]rowth"):
-        Growth(**wrong)
 
 
 def test_the_least_weights_are_removed_and_the_order_stays():

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from gsvc_base.constants import LUMA_WEIGHTS
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.rendering.bounds import gamma
 from gsvc_conformance.expectations import Decision
@@ -15,16 +16,6 @@ F8 = NDArray[np.float64]
 Matrix = list[list[Fraction]]
 Taps = tuple[NDArray[np.int64], F8]
 """The places and weights of the inputs of each output sample, both (samples, taps)."""
-
-LUMA_WEIGHTS: Final = {
-    1: ("0.2126", "0.0722"),
-    4: ("0.30", "0.11"),
-    5: ("0.299", "0.114"),
-    6: ("0.299", "0.114"),
-    7: ("0.212", "0.087"),
-    9: ("0.2627", "0.0593"),
-}
-"""K_R and K_B by matrix_coefficients, ITU-T H.273 table 4."""
 
 COLOR_ROUNDINGS: Final = 8
 """Roundings of a term of the affine map: coefficient, product, two sums, offset, and three to spare for numbers that
@@ -114,7 +105,7 @@ def _matrices(matrix: int) -> tuple[Matrix, Matrix]:
     if matrix == 8:  # Y, Cg, Co
         quarters = _fractions([[1, 2, 1], [-1, 2, -1], [2, 0, -2]])
         return [[c / 4 for c in row] for row in quarters], _fractions([[1, -1, 1], [1, 1, 0], [1, -1, -1]])
-    r, b = (Fraction(text) for text in LUMA_WEIGHTS[matrix])
+    r, b = (Fraction(repr(weight)) for weight in LUMA_WEIGHTS[matrix])  # the decimals as they are written
     luma = [r, 1 - r - b, b]
     of_b, of_r = 2 * (1 - b), 2 * (1 - r)
     forward = [

@@ -7,13 +7,15 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from gsvc_base.arrays import F4, F8
+from gsvc_base.constants import LUMA_WEIGHTS
 from gsvc_base.draws import Draws
 from gsvc_lab.scenes.canvas import Canvas
 from gsvc_lab.scenes.effect import SensorEffect
 from gsvc_lab.scenes.parameters import number, parameter
 from gsvc_lab.scenes.sampling import correlated, gaussian
 
-_LUMA: Final = np.array([0.2126, 0.7152, 0.0722], np.float32)  # of Rec. ITU-R BT.709
+_KR, _KB = LUMA_WEIGHTS[1]  # of Rec. ITU-R BT.709
+_LUMA: Final = np.array([_KR, 1 - _KR - _KB, _KB], np.float32)
 _LEAST: Final = 0.25  # of the strength remains in black and white
 
 

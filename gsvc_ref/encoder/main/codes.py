@@ -8,7 +8,7 @@ import numpy as np
 from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.coordinates import PER_ROOT2, ROOT2, exp_kernel
-from gsvc_ref.encoder.main.fitter import MOST_SHEAR
+from gsvc_ref.encoder.main.fitter import MAX_SHEAR
 from gsvc_ref.main.cells import CELL, cell_counts
 from gsvc_ref.main.codes import CodeArrays, IntraCodes
 from gsvc_ref.main.densities import LARGEST_MAGNITUDE, PLANES, Densities, windows_of
@@ -22,11 +22,11 @@ CHROMA_OFFSET: Final = 0.4
 
 PER_NEPER: Final = 1024 / math.log(2)  # units of A and B, 1/1024 octave, in a neper
 
-MOST_CHANGE: Final = 20.0
+MAX_ASPECT_CHANGE: Final = 20.0
 """Largest change of ln(l11 / l22) by rounding that a shear goes along with; it keeps exp within its range."""
 
 
-_INTRA_MOST: Final = np.stack([*np.full((2, CLASSES), A_MOST), int(MOST_SHEAR * 1024) // SHEAR_STEPS])
+_INTRA_MOST: Final = np.stack([*np.full((2, CLASSES), A_MOST), int(MAX_SHEAR * 1024) // SHEAR_STEPS])
 INTRA_LIMITS: Final[I8] = _INTRA_MOST[:, :, None] * np.array([-1, 1])
 """Limits before densities are chosen to fit: any size and aspect that a state can hold, and the shear's."""
 
@@ -73,7 +73,7 @@ def _find_nearest(z: F8, step: int, columns: int, rows: int, limits: I8, codes: 
         size = _nearest(z[i, 2] * (PER_ROOT2 * PER_NEPER) / SIZE_STEPS[j], limits[0, j])
         aspect = _nearest(z[i, 3] * (PER_ROOT2 * PER_NEPER) / SIZE_STEPS[j], limits[1, j])
         A, B = log_size(size, aspect, j, 0), log_size(size, aspect, j, 1)
-        change = min(max((A - B) * (1 / PER_NEPER) - ROOT2 * z[i, 3], -MOST_CHANGE), MOST_CHANGE)
+        change = min(max((A - B) * (1 / PER_NEPER) - ROOT2 * z[i, 3], -MAX_ASPECT_CHANGE), MAX_ASPECT_CHANGE)
         shear = _nearest(z[i, 4] * exp_kernel(change) * 1024 / SHEAR_STEPS[j], limits[2, j])
         codes.shapes[i, 0], codes.shapes[i, 1], codes.shapes[i, 2] = size, aspect, shear
         cell, place = _place_in_cell(z[i, 0], columns, place_unit(A, j))

@@ -51,8 +51,8 @@ PER_ROOT6: Final = 1 / math.sqrt(6.0)
 ROOT2: Final = math.sqrt(2.0)
 
 ENERGY_SCALE: Final = 255 * math.sqrt(math.pi)  # |n| of a splat with l11 = l22 = 1 px and a color of length 1
-LEAST_FACTOR: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
-LEAST_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
+MIN_DIAGONAL: Final = 0.125  # smallest l11 and l22 in pixels that a state can hold
+MIN_ENERGY: Final = 1.5  # splats with less energy than this many D have the units of one that has it
 
 _LN2_UPPER, _LN2_LOWER = LN2_PARTS
 _PER_LN2: Final = 1 / math.log(2)
@@ -98,11 +98,11 @@ def squared_energy(z: F8) -> float:
 
 @kernel()
 def to_coordinates(parameters: F4) -> F8:
-    """The coordinates (N, 8) of splats (N, 8) f4; l11 and l22 below LEAST_FACTOR count as that."""
+    """The coordinates (N, 8) of splats (N, 8) f4; l11 and l22 below MIN_DIAGONAL count as that."""
     z = np.empty(parameters.shape)
     for i in range(len(z)):
-        l11 = max(np.float64(parameters[i, 2]), LEAST_FACTOR)
-        l22 = max(np.float64(parameters[i, 4]), LEAST_FACTOR)
+        l11 = max(np.float64(parameters[i, 2]), MIN_DIAGONAL)
+        l22 = max(np.float64(parameters[i, 4]), MIN_DIAGONAL)
         a, b = log_kernel(l11), log_kernel(l22)
         scale = ENERGY_SCALE * math.sqrt(l11 * l22)
         red, green, blue = np.float64(parameters[i, 5]), np.float64(parameters[i, 6]), np.float64(parameters[i, 7])
@@ -187,7 +187,7 @@ def moved(z: F8, step: F8) -> F8:
 def units(z: F8, D: float) -> F8:
     """By how much each of (u, v, m, r, s, n0, n1, n2) must change to be worth an error of D^2 (metric), (N, 8)."""
     out = np.full(z.shape, D)
-    relative = D / np.maximum(np.sqrt(squared_energies(z)), LEAST_ENERGY * D)
+    relative = D / np.maximum(np.sqrt(squared_energies(z)), MIN_ENERGY * D)
     out[:, :4] = (ROOT2 * relative)[:, None]
     out[:, 4] = 2 * relative
     return out

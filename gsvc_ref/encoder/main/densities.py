@@ -34,14 +34,14 @@ from gsvc_ref.main.reconstruct import colors_of
 from gsvc_ref.main.state import classes
 from gsvc_ref.main.tables import exp2
 
-MOST_CENTRE: Final = 511  # of what `centre` stands for, in magnitude
-MOST_SLOPE: Final = 127  # of what `slope` stands for, in magnitude
-MOST_SCALE_CODE: Final = 31
+MAX_CENTRE: Final = 511  # of what `centre` stands for, in magnitude
+MAX_SLOPE: Final = 127  # of what `slope` stands for, in magnitude
+MAX_SCALE_CODE: Final = 31
 
 SEARCH_STEPS: Final = (8, 4, 2, 1)  # of centre, scale code and slope
-MOST_SCALE_STEP: Final = 4  # a scale changes by an octave at most
+MAX_SCALE_STEP: Final = 4  # a scale changes by an octave at most
 NO_CODE: Final = 1 << 40  # the length of what a density cannot code: more than that of any plane
-_SCALES: Final = exp2(256 * np.arange(MOST_SCALE_CODE + 1), 4)  # 2^(scale_code / 4) in 1/16
+_SCALES: Final = exp2(256 * np.arange(MAX_SCALE_CODE + 1), 4)  # 2^(scale_code / 4) in 1/16
 
 Length = Callable[[Density], int]
 """The code length of a plane by a density, in parts of a bit (`LENGTH_UNIT`)."""
@@ -56,10 +56,10 @@ def choose_densities(codes: IntraCodes, step: int, width: int, height: int) -> D
         known = q[:, 0] * (c > 0)
         counts = np.zeros((MAGNITUDE_CLASSES, MAGNITUDE_CLASSES), np.int64)  # of each class, by the one that is known
         np.add.at(counts, (known, q[:, c]), 1)
-        start = _moments(16 * q[:, c], known, 1, 2, MOST_SLOPE if c else 0)
-        chosen.append(_search(partial(_magnitudes_length, counts), start, known, MOST_SLOPE if c else 0))
+        start = _moments(16 * q[:, c], known, 1, 2, MAX_SLOPE if c else 0)
+        chosen.append(_search(partial(_magnitudes_length, counts), start, known, MAX_SLOPE if c else 0))
     for c, plane in enumerate(PLANES[3:]):
-        values, most_slope = np.ascontiguousarray(codes.shapes[:, c]), MOST_SLOPE if plane in SLOPED else 0
+        values, most_slope = np.ascontiguousarray(codes.shapes[:, c]), MAX_SLOPE if plane in SLOPED else 0
         start = _moments(values * STEPS_OF[plane][j], j, 64, 4, most_slope)
         chosen.append(_search(partial(_windowed_length, plane, values, j), start, j, most_slope))
     return Densities(tuple(chosen), choose_halving_codes(codes.cells, width, height))
@@ -81,7 +81,7 @@ def _moments(values: I8, known: I8, unit: int, unit_bits: int, most_slope: int) 
     median = int(np.sort(rest)[count // 2])
     deviation = int(np.abs(rest - median).sum()) // count
     scale_code = int(np.searchsorted((_SCALES << unit_bits) // 16, deviation))
-    return Density(0, min(scale_code, MOST_SCALE_CODE), min(max(median // unit, -MOST_CENTRE), MOST_CENTRE), slope)
+    return Density(0, min(scale_code, MAX_SCALE_CODE), min(max(median // unit, -MAX_CENTRE), MAX_CENTRE), slope)
 
 
 def _search(length: Length, start: Density, known: I8, most_slope: int) -> Density:
@@ -94,17 +94,17 @@ def _search(length: Length, start: Density, known: I8, most_slope: int) -> Densi
         before = least
         for centre, scale, slope, family in moves:
             trial = Density(best.family ^ family, best.scale_code + scale, best.centre + centre, best.slope + slope)
-            legal = abs(trial.centre) <= MOST_CENTRE and 0 <= trial.scale_code <= MOST_SCALE_CODE
+            legal = abs(trial.centre) <= MAX_CENTRE and 0 <= trial.scale_code <= MAX_SCALE_CODE
             if legal and abs(trial.slope) <= most_slope and (bits := length(trial)) < least:
                 best, least = trial, bits
         return least < before
 
-    while least >= NO_CODE and best.scale_code < MOST_SCALE_CODE:  # the window must hold all values
+    while least >= NO_CODE and best.scale_code < MAX_SCALE_CODE:  # the window must hold all values
         best = replace(best, scale_code=best.scale_code + 1)
         least = length(best)
     pivot = int(known.sum()) // len(known)  # a slope turns about the mean of what is known
     for step in SEARCH_STEPS:
-        scale = min(step, MOST_SCALE_STEP)
+        scale = min(step, MAX_SCALE_STEP)
         moves = [(step, 0, 0, 0), (-step, 0, 0, 0), (0, scale, 0, 0), (0, -scale, 0, 0)]
         moves += [(-(s * pivot) // 4, 0, s, 0) for s in (step, -step)] if most_slope else []
         gains = True

@@ -8,22 +8,22 @@ from numpy.typing import NDArray
 
 from gsvc_base.arrays import F8, I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.encoder.main.coordinates import ENERGY_SCALE, LEAST_ENERGY, PER_ROOT2, exp_kernel, moved, squared_energy
+from gsvc_ref.encoder.main.coordinates import ENERGY_SCALE, MIN_ENERGY, PER_ROOT2, exp_kernel, moved, squared_energy
 
 MEMORY: Final = 8  # pairs of steps and changes of the gradient that are kept
 
 FIRST_SCALE: Final = 0.25
 RESTART_SCALE: Final = 0.1
-LEAST_SCALE: Final = 0.02
+MIN_SCALE: Final = 0.02
 """Shares of the metric's inverse that the inverse Hessian begins with: at first, after a restart, and at least."""
 
 RESTART_OCTAVES: Final = 2
 """How many times the first step of a restart is halved, after one that found no smaller error."""
 
-LEAST_CURVATURE: Final = 1e-30  # a pair whose product step . change is not above this says nothing of the curvature
-MOST_MOVE: Final = 0.7  # longest step of a position, in standard deviations of its splat
-MOST_SHAPE: Final = 0.4  # largest change of size, aspect and shear
-MOST_COLOR: Final = 0.3  # largest change of a color, of 1
+MIN_CURVATURE: Final = 1e-30  # a pair whose product step . change is not above this says nothing of the curvature
+MAX_MOVE: Final = 0.7  # longest step of a position, in standard deviations of its splat
+MAX_SHAPE: Final = 0.4  # largest change of size, aspect and shear
+MAX_COLOR: Final = 0.3  # largest change of a color, of 1
 RISE: Final = 1.01  # a walk goes back to its best point where the error is this many times as large
 
 
@@ -51,7 +51,7 @@ class Walk:
     left out. The step of each splat is limited. Where the error rises, the next step is halved; where it has risen
     much, the walk forgets its pairs and goes back to its best point.
 
-    `D` bounds the units of faint splats: energies below LEAST_ENERGY D count as that.
+    `D` bounds the units of faint splats: energies below MIN_ENERGY D count as that.
     """
 
     def __init__(self, count: int, D: float) -> None:
@@ -116,10 +116,10 @@ class Walk:
         at = (self._last + 1) % MEMORY
         change = gradient - self._gradient
         product, square = _curvature(z, self._step, change, self._D)
-        if product > LEAST_CURVATURE:
+        if product > MIN_CURVATURE:
             self._pairs.steps[at], self._pairs.changes[at], self._pairs.inverse[at] = self._step, change, 1 / product
             self._last, self._known = at, min(self._known + 1, MEMORY)
-            self._scale = min(max(product / square, LEAST_SCALE), 1.0)
+            self._scale = min(max(product / square, MIN_SCALE), 1.0)
 
 
 @kernel(inline=True)
@@ -142,7 +142,7 @@ def _dot(a: F8, b: F8) -> float:
 def _inverse_metric(z: F8, g: F8, D: float, scale: float, out: F8) -> None:
     """Out = scale (2 metric)^-1 g, by (u, v, m, r, s, n)."""
     for i in range(len(z)):
-        f = scale / max(squared_energy(z[i]), LEAST_ENERGY * LEAST_ENERGY * D * D)
+        f = scale / max(squared_energy(z[i]), MIN_ENERGY * MIN_ENERGY * D * D)
         for k in range(4):
             out[i, k] = f * g[i, k]
         out[i, 4] = 2 * f * g[i, 4]
@@ -184,13 +184,13 @@ def _limit(z: F8, shrink: float, step: F8) -> None:
     for i in range(len(step)):
         for k in range(8):
             step[i, k] *= -shrink
-        move = math.sqrt(step[i, 0] * step[i, 0] + step[i, 1] * step[i, 1]) / MOST_MOVE
-        shape = max(max(abs(step[i, 2]), abs(step[i, 3])), abs(step[i, 4])) / MOST_SHAPE
+        move = math.sqrt(step[i, 0] * step[i, 0] + step[i, 1] * step[i, 1]) / MAX_MOVE
+        shape = max(max(abs(step[i, 2]), abs(step[i, 3])), abs(step[i, 4])) / MAX_SHAPE
         over = max(move, shape)
         if over > 1:
             for k in range(5):
                 step[i, k] /= over
-        most = MOST_COLOR * ENERGY_SCALE * exp_kernel(z[i, 2] * PER_ROOT2)
+        most = MAX_COLOR * ENERGY_SCALE * exp_kernel(z[i, 2] * PER_ROOT2)
         color = math.sqrt(step[i, 5] * step[i, 5] + step[i, 6] * step[i, 6] + step[i, 7] * step[i, 7]) / most
         if color > 1:
             for k in range(5, 8):

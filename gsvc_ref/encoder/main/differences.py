@@ -25,12 +25,12 @@ from gsvc_ref.main.codes import GROUP_ENDS
 from gsvc_ref.main.reconstruct import position_step, sheared_step
 from gsvc_ref.main.state import A_LEAST, A_MOST, S_MOST, SHEAR_STEPS, SIZE_STEPS, class_of
 
-LEAST_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
-MOST_LOG: Final = A_MOST / PER_NEPER
+MIN_LOG: Final = A_LEAST / PER_NEPER  # of ln l11 and ln l22
+MAX_LOG: Final = A_MOST / PER_NEPER
 MOMENTUM: Final = 0.95  # of proximal descent
 SPARSITY: Final = 0.4  # weight of the L1 term
-MOST_STEP: Final = 1.5  # longest gradient step of a component of q in proximal descent
-MOST_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnitudes
+MAX_STEP: Final = 1.5  # longest gradient step of a component of q in proximal descent
+MAX_DIFFERENCE: Final = 4095  # largest difference, of the last class of magnitudes
 NEAR_DEVIATIONS: Final = 3.0  # splats overlap only where their centers are nearer than this many of both deviations
 NEAR_SQUARE: Final = 18.0  # and where the squared distance, in units of both covariances, is below this: e^-9
 
@@ -79,7 +79,7 @@ def put_value(anchors: Anchors, i: int, q: F8, z: F8, row: F4) -> None:
     start, step = anchors.z[i], anchors.steps[i]
     z[0] = start[0] + step[GX] * q[0]
     z[1] = start[1] + (step[GS] * q[0] + step[GY] * q[1])
-    z[2], z[3] = limited(start[2] + q[2] * step[LOG_SIZE], start[3] + q[3] * step[LOG_SIZE], LEAST_LOG, MOST_LOG)
+    z[2], z[3] = limited(start[2] + q[2] * step[LOG_SIZE], start[3] + q[3] * step[LOG_SIZE], MIN_LOG, MAX_LOG)
     shear = start[4]
     if q[3] != 0:  # l21 / l11 holds
         shear = shear * exp_kernel(ROOT2 * (z[3] - start[3]))
@@ -112,7 +112,7 @@ def put_slope(anchors: Anchors, i: int, q: F8, row: F4, g: F4, out: F8) -> None:
 def proximal_step(anchors: Anchors, at: Iterate, g: F4, price: float) -> None:
     """One step of accelerated proximal descent, in place: q, the point y where the gradient is taken, its parameters.
 
-    From y goes a gradient step of `length`, at most MOST_STEP in each component. Then each component moves towards 0 by
+    From y goes a gradient step of `length`, at most MAX_STEP in each component. Then each component moves towards 0 by
     length * SPARSITY (L1), and a group whose squared length is below 2 * length * price becomes 0 (L0). The price of a
     group that has any difference is in 2 D^2. The next y is q + MOMENTUM (q - q before), or q where a splat's step goes
     against its last one.
@@ -126,7 +126,7 @@ def proximal_step(anchors: Anchors, at: Iterate, g: F4, price: float) -> None:
         for group in range(3):
             square = 0.0
             for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
-                value = y[i, k] - min(max(eta * step[k], -MOST_STEP), MOST_STEP)
+                value = y[i, k] - min(max(eta * step[k], -MAX_STEP), MAX_STEP)
                 value = value - shrink if value > shrink else (value + shrink if value < -shrink else 0.0)
                 step[k] = value
                 square += value * value
@@ -171,7 +171,7 @@ def rounded_step(anchors: Anchors, at: Iterate, g: F4, offset: float, mask: NDAr
             if mask[i, group]:
                 for k in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
                     q[i, k] -= length[i] * step[k]
-                    whole = min(math.floor(abs(q[i, k]) + offset), MOST_DIFFERENCE)
+                    whole = min(math.floor(abs(q[i, k]) + offset), MAX_DIFFERENCE)
                     y[i, k] = whole if q[i, k] >= 0 else -whole
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, F8
-from gsvc_ref.training.augmentation import residual_splats
+from gsvc_ref.encoder.initialization import residual_splats
 
 NEW_SIZE: Final = 0.165
 """Deviation of a splat that is added where the residual is, in units of the mean distance between splats; measured."""
@@ -15,11 +15,11 @@ NEW_SIZE: Final = 0.165
 STRETCH: Final = 4.0
 """Length over width of a new splat on a straight edge; 1 where there is none."""
 
-LEAST_WIDTH: Final = 0.25  # smallest l22 of a new splat in pixels
-LEAST_TRACE: Final = 1e-5  # trace of a tensor that is noise: such splats are round
-LEAST_SPREAD: Final = 1e-30  # keeps the quotient of a tensor without direction finite
+MIN_WIDTH: Final = 0.25  # smallest l22 of a new splat in pixels
+MIN_TRACE: Final = 1e-5  # trace of a tensor that is noise: such splats are round
+MIN_SPREAD: Final = 1e-30  # keeps the quotient of a tensor without direction finite
 
-MOST_PER_SQUARE: Final = 0.25
+MAX_PER_SQUARE: Final = 0.25
 """Most new splats that are expected in a square of their size.
 
 Without a limit they pile up where a picture is worst, add up to several times what is missing there, and descent with
@@ -36,7 +36,7 @@ def edge_splats(tensor: F8, missing: F4, count: int, total: int, rng: Generator)
     """
     height, width = missing.shape[:2]
     size = NEW_SIZE * math.sqrt(width * height / total)
-    p = residual_splats(missing, count, size, rng, most_per_square=MOST_PER_SQUARE).to_array()
+    p = residual_splats(missing, count, size, rng, max_per_square=MAX_PER_SQUARE).to_array()
     x = np.minimum(p[:, 0].astype(np.int64), width - 1)
     y = np.minimum(p[:, 1].astype(np.int64), height - 1)
     p[:, 2:5] = _along(tensor[y, x], size)
@@ -47,12 +47,12 @@ def _along(tensor: F8, size: float) -> F8:
     """Cholesky factors (n, 3) of splats of one area, stretched where their tensor (n, 3) has one direction."""
     xx, xy, yy = tensor.T
     spread = np.sqrt((xx - yy) * (xx - yy) + 4 * xy * xy)
-    stretch = 1 + (STRETCH - 1) * (spread / (xx + yy + LEAST_TRACE))
+    stretch = 1 + (STRETCH - 1) * (spread / (xx + yy + MIN_TRACE))
     across, along = size * size / stretch, size * size * stretch  # the eigenvalues of the covariance
-    mean, half = (across + along) / 2, (across - along) / (2 * np.maximum(spread, LEAST_SPREAD))
+    mean, half = (across + along) / 2, (across - along) / (2 * np.maximum(spread, MIN_SPREAD))
     l11 = np.sqrt(mean + half * (xx - yy))
     l21 = half * (2 * xy) / l11
-    l22 = np.sqrt(np.maximum(mean - half * (xx - yy) - l21 * l21, LEAST_WIDTH * LEAST_WIDTH))
+    l22 = np.sqrt(np.maximum(mean - half * (xx - yy) - l21 * l21, MIN_WIDTH * MIN_WIDTH))
     return np.stack([l11, l21, l22], axis=1)
 
 

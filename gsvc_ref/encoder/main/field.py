@@ -50,7 +50,7 @@ LESS_DAMPING: Final = 3.0
 MORE_DAMPING: Final = 4.0
 """Share of the stiffness that is added to H; it is divided after a step that helps, and else multiplied."""
 
-LEAST_DAMPING: Final = 1.0  # what is added to the diagonal of H in any case
+MIN_DAMPING: Final = 1.0  # what is added to the diagonal of H in any case
 LITTLE: Final = 0.005  # no further step follows one that takes less than this share off the squared error
 SWEEPS: Final = 12  # Gauss-Seidel sweeps of a step
 CHOICE_SWEEPS: Final = 4  # how often every vector is looked at when vectors are chosen
@@ -142,7 +142,7 @@ class _Search:
 
         def stepped(model: Model, vectors: F8) -> F8:
             step = np.zeros(vectors.shape)
-            solve(model._replace(damping=model.damping + LEAST_DAMPING), step)
+            solve(model._replace(damping=model.damping + MIN_DAMPING), step)
             return np.clip(vectors + step, -LONGEST_VECTOR, LONGEST_VECTOR)
 
         at = self._evaluate(cell, start)

@@ -12,18 +12,18 @@ from numpy.random import Generator
 
 from gsvc_base.arrays import F8
 from gsvc_ref._jit import kernel
+from gsvc_ref.encoder.initialization import Growth
 from gsvc_ref.encoder.main.coordinates import limited, log_kernel, to_parameters
 from gsvc_ref.encoder.main.descent import Walk
 from gsvc_ref.encoder.main.target import Target
-from gsvc_ref.training.settings import Growth
 
 GROWTH: Final = Growth(end=0.45)  # splats are added early, so that the last ones find their places too
 FIT_D: Final = 16.0  # D of the metric while only the error counts: it bounds the steps of the faintest splats
-LEAST_SIZE: Final = 0.27  # smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centers
-MOST_SIZE: Final = 400.0  # largest l11 and l22 in pixels
-MOST_SHEAR: Final = 12.0  # largest |l21 / l22|: what every density can hold
+MIN_SIZE: Final = 0.27  # smallest l11 and l22 in pixels: a smaller splat can lie between all pixel centers
+MAX_SIZE: Final = 400.0  # largest l11 and l22 in pixels
+MAX_SHEAR: Final = 12.0  # largest |l21 / l22|: what every density can hold
 
-LEAST_MARGIN: Final = 0.01
+MIN_MARGIN: Final = 0.01
 """Smallest distance in pixels of a center from the edge of the frame, inside of which a cell must hold it."""
 
 Penalty = Callable[[F8, F8], float]
@@ -69,9 +69,9 @@ def descend(target: Target, z: F8, walk: Walk, evaluations: int, penalty: Penalt
 @kernel()
 def keep_inside(z: F8, width: int, height: int) -> None:
     """Move coordinates, in place, to where an I-frame can have them: inside, neither too small nor too slanted."""
-    low, high = log_kernel(LEAST_SIZE), log_kernel(MOST_SIZE)
+    low, high = log_kernel(MIN_SIZE), log_kernel(MAX_SIZE)
     for i in range(len(z)):
         z[i, 2], z[i, 3] = limited(z[i, 2], z[i, 3], low, high)
-        z[i, 4] = min(max(z[i, 4], -MOST_SHEAR), MOST_SHEAR)
-        z[i, 0] = min(max(z[i, 0], LEAST_MARGIN), width - LEAST_MARGIN)
-        z[i, 1] = min(max(z[i, 1], LEAST_MARGIN), height - LEAST_MARGIN)
+        z[i, 4] = min(max(z[i, 4], -MAX_SHEAR), MAX_SHEAR)
+        z[i, 0] = min(max(z[i, 0], MIN_MARGIN), width - MIN_MARGIN)
+        z[i, 1] = min(max(z[i, 1], MIN_MARGIN), height - MIN_MARGIN)

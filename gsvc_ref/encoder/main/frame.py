@@ -6,7 +6,7 @@ What is asked for decides N and D, the splats and the step of a frame:
 - With a `quality` D is given, and the N of an I-frame is that for which the rule gives this D (`splats_for`).
 - With `Settings.psnr` an I-frame has as few splats as reach it, with their D by the rule. A P-frame has the coarsest D
   that reaches it; if none does, the frame becomes an I-frame. Where I-frames miss it as well, it becomes one only if it
-  would be MOST_DROP (1 dB) below the last I-frame (`is_missed`).
+  would be MAX_DROP (1 dB) below the last I-frame (`is_missed`).
 
 In the first two P-frames have the D of their I-frame; at constant rate it becomes finer where P-frames sink (`drift`).
 """
@@ -28,10 +28,10 @@ from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage, worked_on_agai
 from gsvc_ref.encoder.held_quality import (
     DB_PER_STEP,
     ENOUGH,
-    coarsest,
-    fewest_splats,
     is_missed,
-    most_spared,
+    search_quantizer,
+    search_removals,
+    search_splat_count,
     visibility,
 )
 from gsvc_ref.encoder.log import OFF, FrameLog, percent
@@ -56,7 +56,7 @@ from gsvc_ref.training import psnr_of_loss
 
 D_TRIES: Final = 3  # constant quality: the most values of D that are tried for an I-frame after the numbers of splats
 P_TRIES: Final = 8  # the most that are tried for a P-frame
-MOST_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
+LOSSLESS_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
 
 FALLEN_DB: Final = 1.0  # where the source stays equal, a P-frame this far below its I-frame is worked on again
 PASS_GAIN: Final = 0.3  # each further pass follows only if the last one gained more than this many dB
@@ -68,7 +68,7 @@ class _Coded:
 
     codes: MainCodes
     state: MainState
-    psnr: float  # in dB, at most MOST_PSNR
+    psnr: float  # in dB, at most LOSSLESS_PSNR
     bits: int  # of its body
     field: Field | None  # of a P-frame
 
@@ -228,7 +228,7 @@ class _MainFrame:
             coded = (
                 self._coded_inter(encoder.quantizer)
                 if settings.psnr is None
-                else coarsest(self._coded_inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
+                else search_quantizer(self._coded_inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
             )
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
@@ -254,11 +254,11 @@ class _MainFrame:
     def _held_intra(self, goal: float) -> _Coded:
         """An I-frame with the fewest splats, of the numbers that are tried, that reaches a PSNR; otherwise the best.
 
-        If the result is still too good, its weakest splats go; if that does not do, as with few splats, D becomes
-        coarser.
+        If the result is still too good, its weakest splats go; where they do not suffice, D becomes coarser.
         """
         encoder = self.encoder
-        number, whole = fewest_splats(lambda n: self._coded_intra(n, None), encoder.intra_splats, encoder.most, goal)
+        by_count = partial(self._coded_intra, quantizer=None)
+        number, whole = search_splat_count(by_count, encoder.intra_splats, encoder.most, goal)
         if not whole.psnr - goal > ENOUGH:
             return whole
         best = self._thinned(whole, goal)
@@ -268,7 +268,7 @@ class _MainFrame:
         first = min(whole.codes.quantizer + steps, QUANTIZERS - 1)
         tries = {whole.codes.quantizer: whole}
         by_step = partial(self._coded_intra, number)
-        return self._thinned(coarsest(by_step, first, goal, D_TRIES, tried=tries), goal)
+        return self._thinned(search_quantizer(by_step, first, goal, D_TRIES, tried=tries), goal)
 
     def _thinned(self, coded: _Coded, goal: float) -> _Coded:
         """An I-frame without as many of its weakest splats as it can spare for a PSNR that it has."""
@@ -280,7 +280,7 @@ class _MainFrame:
             densities = choose_densities(kept, step_of(coded.codes.quantizer), state.width, state.height)
             return self._decoded(replace(coded.codes, new=kept, densities=densities))
 
-        return most_spared(without, coded, len(weakest), goal)
+        return search_removals(without, coded, len(weakest), goal)
 
     def _coded_inter(self, quantizer: int) -> _Coded:
         """A P-frame with a quantizer."""
@@ -304,7 +304,7 @@ class _MainFrame:
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
         body, state_before = Writer(), self.encoder.state
         state = frame_body(body, codes.type, state_before, self.settings.lane_count, MAX_SPLATS, codes).after
-        return _Coded(codes, state, min(self._psnr_of(state), MOST_PSNR), body.position, field)
+        return _Coded(codes, state, min(self._psnr_of(state), LOSSLESS_PSNR), body.position, field)
 
     def _psnr_of(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""
@@ -314,7 +314,7 @@ class _MainFrame:
     def _finished(self, coded: _Coded, reason: str | None = None) -> EncodedFrame:
         encoder = self.encoder
         encoder.field, encoder.quantizer = coded.field, coded.codes.quantizer
-        achieved = math.inf if coded.psnr == MOST_PSNR else coded.psnr
+        achieved = math.inf if coded.psnr == LOSSLESS_PSNR else coded.psnr
         return EncodedFrame(
             coded.codes, coded.state, achieved, self.iterations, self.seconds, self.log.decisions, reason
         )

@@ -37,15 +37,15 @@ from gsvc_ref.main.tables import step_of
 from gsvc_ref.rendering import Objective, SampledObjective
 
 LENGTH: Final = 0.5  # the step of a splat in proximal descent is this over its crowding, within the next two
-LEAST_LENGTH: Final = 0.02
-MOST_LENGTH: Final = 0.3
+MIN_LENGTH: Final = 0.02
+MAX_LENGTH: Final = 0.3
 
 WORTH: Final = 1.0  # a splat is removed where the squared error does not rise by this many D^2 without it
 NEW_GAIN: Final = 9.0  # a new splat must promise to take more than this off the squared error, in D^2
 NEW_ENERGY: Final = 4.5  # new splats with an energy below this many D are dropped
 NEW_SIZES: Final = (0.165, 0.33, 0.66)  # deviations of new splats to try, in mean distances of splats
 
-LEAST_NEW_SIZE: Final = 0.5
+MIN_NEW_SIZE: Final = 0.5
 """Smallest of them in pixels. The picture of a smaller splat on few pixels has more energy than the splat has in the
 plane: below 0.4 px more than twice as much, so that taking it off the residual would make that larger."""
 
@@ -60,7 +60,7 @@ REST: Final = 0.25
 it one, in each group. Where little moves, descent takes half the time; on six clips the bits at equal PSNR stayed the
 same within what seeds scatter by, with shares of 0.25 and 0.5."""
 
-MOST_TIMES: Final = 6  # most iterations of proximal descent, in units of `InterSettings.iterations`
+MAX_TIMES: Final = 6  # most iterations of proximal descent, in units of `InterSettings.iterations`
 ADDITION: Final = 3  # new splats come after 1/3 of the iterations: the residual then shows what old ones cannot mend
 PRUNING: Final = 2  # they go from 1/2 on: those that promise NEW_GAIN begin with 3 D, and need time for NEW_ENERGY
 PRUNING_INTERVAL: Final = 5  # distance in iterations of the times when weak new splats are dropped
@@ -114,7 +114,7 @@ class _Updates:
         self.scale = pixels * SQUARE_OF_8_BITS  # loss to squared error
         self.anchors = differences.anchors_of(frame.state.values, motion, frame.step, pixels)
         parameters = to_parameters(self.anchors.z)
-        length = np.clip(LENGTH / differences.crowding(parameters), LEAST_LENGTH, MOST_LENGTH)
+        length = np.clip(LENGTH / differences.crowding(parameters), MIN_LENGTH, MAX_LENGTH)
         q, y = np.zeros((2, len(motion), 8))
         self.at = differences.Iterate(q, y, parameters, length)
         self.new = NewSplats(np.empty((0, 8)), self.D, self.width, self.height)
@@ -125,7 +125,7 @@ class _Updates:
         """Descend, add, descend, round: the differences, which splats are removed, and the new ones."""
         s = self.settings
         losses: list[float] = []
-        for iteration in range(MOST_TIMES * s.iterations):
+        for iteration in range(MAX_TIMES * s.iterations):
             if iteration == s.iterations // ADDITION:
                 self._add()
             if iteration > s.iterations // PRUNING and iteration % PRUNING_INTERVAL == 0:
@@ -157,7 +157,7 @@ class _Updates:
         total, objective = self.frame.intra_splats, self.frame.objective
         objective.loss(self.at.parameters, drawn=True)
         mean = math.sqrt(self.width * self.height / max(total, 1))
-        sizes = tuple(max(share * mean, LEAST_NEW_SIZE) for share in NEW_SIZES)
+        sizes = tuple(max(share * mean, MIN_NEW_SIZE) for share in NEW_SIZES)
         least, most = NEW_GAIN * self.D * self.D, math.floor(self.settings.new_share * total + 0.5)
         z = best_candidates(-objective.residual(), sizes, least, most, objective.threads)
         self.new = NewSplats(z, self.D, self.width, self.height)
@@ -196,7 +196,7 @@ class _Updates:
         kept = self.frame.state.densities
         limits = limits_of(kept) if kept else INTRA_LIMITS
         mask = np.stack([(at.q[:, first:end] != 0).any(axis=1) for _, first, end in GROUPS], axis=1)
-        whole = np.minimum(np.floor(np.abs(at.q) + ROUNDING_OFFSET), differences.MOST_DIFFERENCE)
+        whole = np.minimum(np.floor(np.abs(at.q) + ROUNDING_OFFSET), differences.MAX_DIFFERENCE)
         at.y[:] = np.sign(at.q) * whole
         at.length[:] /= 2
         self._decoded()

@@ -27,7 +27,7 @@ CUTOFF: Final = 3.0  # candidates are cut off at this many deviations
 FIRST_DECAY: Final = 0.9
 SECOND_DECAY: Final = 0.95
 RATE: Final = 0.25
-LEAST_DEVIATION: Final = 1e-9
+MIN_DEVIATION: Final = 1e-9
 """Adam's averages, its rate in units of D, and what keeps its quotient finite, in squared error per unit."""
 
 BAND: Final = 32  # rows of candidates whose first responses are one task
@@ -104,7 +104,7 @@ class NewSplats:
         self._first = FIRST_DECAY * self._first + (1 - FIRST_DECAY) * g
         self._second = SECOND_DECAY * self._second + (1 - SECOND_DECAY) * (g * g)
         one, two = self._decayed = self._decayed[0] * FIRST_DECAY, self._decayed[1] * SECOND_DECAY
-        ratio = (self._first / (1 - one)) / (np.sqrt(self._second / (1 - two)) + LEAST_DEVIATION)
+        ratio = (self._first / (1 - one)) / (np.sqrt(self._second / (1 - two)) + MIN_DEVIATION)
         self.z = coordinates.moved(self.z, -RATE * unit * ratio)
         keep_inside(self.z, self._width, self._height)
 

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.random import Generator
 
 from gsvc_base.arrays import F4, F8
+from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_coordinates
 from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
 from gsvc_ref.rendering import Objective, Precision
-from gsvc_ref.training.augmentation import image_start
 from gsvc_ref.training.reduction import block_means
 
 OnEvaluation = Callable[[float], None]
@@ -31,13 +31,13 @@ SQUARE_OF_8_BITS: Final = 255.0 * 255.0
 PIXELS_OF_STEPS: Final = ((400, 4), (100, 2))
 """More pixels for each splat than the first number of a pair, on average, and its step is fine enough."""
 
-LEAST_SIDE: Final = 32  # smallest width and height in pixels of a reduced picture
+MIN_REDUCED_SIDE: Final = 32  # smallest width and height in pixels of a reduced picture
 
 
 def step_for(width: int, height: int, splats: int) -> int:
     """1, 2 or 4: how many times smaller a picture may be on which this many splats are fitted."""
     for pixels, step in PIXELS_OF_STEPS:
-        if width * height > pixels * max(splats, 1) and min(width, height) >= step * LEAST_SIDE:
+        if width * height > pixels * max(splats, 1) and min(width, height) >= step * MIN_REDUCED_SIDE:
             return step
     return 1
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, Final
 
 from gsvc_base.checks import check_range
 from gsvc_base.errors import UsageError
-from gsvc_ref.bitstream.header import MOST_LAYERS
+from gsvc_ref.bitstream.header import MAX_LAYERS
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT, ProfileName, Settings
 from gsvc_ref.encoder.settings.detection import quick_detection
@@ -64,8 +64,8 @@ class MainSettings(Settings):
                 continue
             for value in values:
                 check_range(name, value, 1, highest)
-            if len(values) > MOST_LAYERS or any(a >= b for a, b in pairwise(values)):
-                raise UsageError(f"{name} is {values}; give at most {MOST_LAYERS} values that grow")
+            if len(values) > MAX_LAYERS or any(a >= b for a, b in pairwise(values)):
+                raise UsageError(f"{name} is {values}; give at most {MAX_LAYERS} values that grow")
             others = [other for other in ("splats", "psnr", "quality") if getattr(self, other) is not None]
             others += ["layers"] if name == "layer_splats" and self.layers else []
             if others:

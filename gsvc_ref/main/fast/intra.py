@@ -6,7 +6,7 @@ import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.cells import MOST_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
+from gsvc_ref.main.cells import MAX_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
 from gsvc_ref.main.codes import CodeArrays, IntraCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, Densities, Windows, magnitude_distributions, windows_of
 from gsvc_ref.main.fast.lanes import (
@@ -65,13 +65,7 @@ class ReadIntra(NamedTuple):
 
 
 def read_intra(lanes: Lanes, size: tuple[int, int], densities: Densities, count: int, quantizer: int) -> ReadIntra:
-    """The passes of the splats of an I-frame, or of new ones (spec.md section 15.9).
-
-    Raises
-    ------
-    MissingWordError
-        The words end before the symbols do.
-    """
+    """The passes of the splats of an I-frame, or of new ones (15.9); a MissingWordError if words end before them."""
     codes, state = CodeArrays.empty(count), np.empty((count, 8), np.int64)
     if not _read_intra(lanes, Tables.of(densities, *size), step_of(quantizer), codes, state):
         raise MissingWordError
@@ -169,7 +163,7 @@ def _read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answer
     axis, size, inside, alpha = halving
     states, words, mask = lanes.states, lanes.words, len(lanes.states) - 1
     taken, place, length = lanes.taken[0], 0, 0
-    small, known = np.empty((MOST_BINOMIAL + 1, MOST_BINOMIAL + 2), np.int64), np.zeros(MOST_BINOMIAL + 1, np.bool_)
+    small, known = np.empty((MAX_BINOMIAL + 1, MAX_BINOMIAL + 2), np.int64), np.zeros(MAX_BINOMIAL + 1, np.bool_)
     for part in range(len(counts)):
         n, second = counts[part], min(size, inside - origins[part, axis] - size)
         answers[part], sizes[part] = n, 0
@@ -177,7 +171,7 @@ def _read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answer
             continue
         x = states[place & mask]
         slot = x & (TOTAL - 1)
-        if n <= MOST_BINOMIAL and size == second:
+        if n <= MAX_BINOMIAL and size == second:
             if not known[n]:
                 small_half(n, alpha, small[n])
                 known[n] = True

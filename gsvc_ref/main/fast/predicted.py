@@ -67,12 +67,8 @@ def read_predicted(
 ) -> ReadPredicted:
     """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11).
 
-    `values`, `past` and `models` are those of the `MainState` before, and `codes` the elements in front of the run.
-
-    Raises
-    ------
-    MissingWordError
-        The words end before the symbols do.
+    `values`, `past` and `models` are those of the `MainState` before, and `codes` the elements in front of the run. A
+    MissingWordError says that the words end before the symbols do.
     """
     count, side = len(values), SIDES[codes.motion_cell]
     field = np.empty((*(field_shape(*size, side) if side else (0, 0)), 2), np.int64)

@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 ROOMS = ("gsvc_ref/main", "gsvc_ref/encoder/main")
-MOST_PARAMETERS = 8
+MAX_PARAMETERS = 8
 
 
 def kernels(path):
@@ -21,4 +21,4 @@ def kernels(path):
 def test_no_kernel_has_more_than_eight_parameters(room):
     found = [(path.name, node) for path in (ROOT / room).rglob("*.py") for node in kernels(path)]
     assert found
-    assert [(name, node.name) for name, node in found if len(node.args.args) > MOST_PARAMETERS] == []
+    assert [(name, node.name) for name, node in found if len(node.args.args) > MAX_PARAMETERS] == []

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
-from gsvc_ref.encoder.main.target import LEAST_SIDE, Reduced, resized, step_for
+from gsvc_ref.encoder.main.target import MIN_REDUCED_SIDE, Reduced, resized, step_for
 from gsvc_ref.rendering import Objective
 from gsvc_ref.training.reduction import block_means
 
@@ -34,8 +34,8 @@ def reduced(picture: np.ndarray, step: int) -> tuple[Reduced, Objective]:
     ("width", "height", "splats", "step"),
     [
         (1920, 1080, 5000, 4), (1920, 1080, 5200, 2), (1920, 1080, 20_000, 2), (1920, 1080, 21_000, 1),
-        (352, 288, 2000, 1), (352, 288, 200, 4), (LEAST_SIDE * 2 - 1, 4000, 10, 1), (4000, LEAST_SIDE * 2, 10, 2),
-        (8, 8, 0, 1),
+        (352, 288, 2000, 1), (352, 288, 200, 4), (MIN_REDUCED_SIDE * 2 - 1, 4000, 10, 1),
+        (4000, MIN_REDUCED_SIDE * 2, 10, 2), (8, 8, 0, 1),
     ],
 )  # fmt: skip
 def test_the_step_follows_from_the_pixels_of_a_splat(width, height, splats, step):

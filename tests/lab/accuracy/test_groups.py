@@ -10,9 +10,10 @@ from gsvc_base.errors import UsageError
 from gsvc_lab.accuracy.groups import ENCODING, GROUP_NAMES, GROUPS, check_names, thread_counts
 from gsvc_lab.accuracy.sources import scene_source
 from gsvc_lab.accuracy.work import QUICK_FIT, Coding, Rendering, SourcePicture, Training
+from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.rendering import PRECISIONS
-from gsvc_ref.training import NEW, FitSettings, Population, fine_tune, image_start
+from gsvc_ref.training import NEW, FitSettings, Population, fine_tune
 
 JIT = not numba.config.DISABLE_JIT
 

@@ -132,7 +132,9 @@ def test_the_estimate_counts_what_is_left():
 def test_points_come_out_of_the_middle():
     assert runner.middle((1, 2, 3, 4, 5, 6), 4) == (2, 3, 4, 5)
     assert runner.middle((1, 2, 3, 4, 5, 6), 6) == (1, 2, 3, 4, 5, 6)
-    assert all(len(getattr(e.coder, "values", runner.WIDER)) == runner.MOST_POINTS for e in runner.ENTRIES.values())
+    assert all(
+        len(getattr(e.coder, "values", runner.WIDER)) == runner.MAX_CURVE_POINTS for e in runner.ENTRIES.values()
+    )
 
 
 def test_coders_have_names(monkeypatch):

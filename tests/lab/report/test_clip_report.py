@@ -18,10 +18,11 @@ from gsvc_lab.report import contents, material, x264
 from gsvc_lab.report.contents import Wanted, report_data, summarise
 from gsvc_lab.report.material import gather, picture_row, smaller
 from gsvc_lab.scenes import Scene
-from gsvc_ref import Settings, encode, plugins
+from gsvc_ref import Settings, encode
 from gsvc_ref.bitstream.coder import CATEGORIES, MAIN_CATEGORIES
 from gsvc_ref.cli import main
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
+from gsvc_tools.cli import encode_page
 
 FRAMES = 5
 
@@ -264,7 +265,7 @@ def test_encode_writes_the_page(coded, tmp_path, monkeypatch, capsys):
 
 
 def test_without_the_package_of_pages_encode_says_so(coded, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(plugins, "page_writer", lambda: None)
+    monkeypatch.setattr(encode_page, "page_writer", lambda: None)
     page = str(tmp_path / "page.html")
     assert main(["encode", str(coded[0]), str(tmp_path / "out.gsvc"), "--report", page]) == 2
     assert "--report needs gsvc_lab" in capsys.readouterr().err
@@ -274,7 +275,7 @@ def test_ctrl_c_in_the_page_keeps_the_file(coded, tmp_path, monkeypatch, capsys)
     def interrupted(*arguments, **options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(plugins, "page_writer", lambda: interrupted)
+    monkeypatch.setattr(encode_page, "page_writer", lambda: interrupted)
     out = tmp_path / "out.gsvc"
     words = ["encode", str(coded[0]), str(out), "--frames", "0:1", "--splats", "8", "--threads", "1"]
     assert main([*words, "--report", str(tmp_path / "page.html")]) == 130

@@ -73,7 +73,7 @@ def test_a_fault_comes_again_and_times_are_kept():
 
 
 def test_more_than_fits_is_refused_with_a_sentence(monkeypatch):
-    monkeypatch.setattr(reading_again, "MOST_BYTES_KEPT", 3 * 8 * 6 * 3)
+    monkeypatch.setattr(reading_again, "MAX_BYTES_KEPT", 3 * 8 * 6 * 3)
     with (
         readable_again((iter(CLIP), FORMAT), None) as opened,
         pytest.raises(UsageError, match="more than 3 of its frames"),

@@ -189,7 +189,7 @@ def test_a_gif_of_many_frames_a_second_is_slower(tmp_path):
 def test_animations_that_cannot_be_written(tmp_path, monkeypatch):
     with pytest.raises(UsageError, match="no frame"), open_writer(tmp_path / "a.gif", video_format()):
         pass
-    monkeypatch.setattr("gsvc_tools.video.animation.MOST_HELD", 32 * 24 * 3 * 2)
+    monkeypatch.setattr("gsvc_tools.video.animation.MAX_HELD", 32 * 24 * 3 * 2)
     with pytest.raises(UsageError, match="memory"):
         write(tmp_path / "a.webp", count=3)
     wide = VideoFormat(16384, 1, Fraction(25), 8, "444", COLOR)

@@ -6,7 +6,7 @@ from codec_cases import faint_splats
 
 from gsvc_base.splats import Splats
 from gsvc_ref.rendering import render_sum
-from gsvc_ref.training.effects import effects, shape_weights
+from gsvc_ref.training.picture_change import picture_change, shape_weights
 
 SIDE = 48
 
@@ -32,7 +32,7 @@ def many(count: int = 200) -> np.ndarray:
 def test_an_effect_is_the_squared_difference_of_the_pictures(part, changes):
     before, after = a_splat(), a_splat(**changes)
     pictures = [render_sum(Splats.from_array(p), SIDE, SIDE).astype(float) for p in (before, after)]
-    found = effects(after, before)[0]
+    found = picture_change(after, before)[0]
     assert found[part] == pytest.approx(((pictures[1] - pictures[0]) ** 2).sum(), rel=0.05)
     assert np.delete(found, part).max() == 0
 
@@ -44,5 +44,5 @@ def test_weights_of_shapes_tell_what_their_errors_do():
     for column in range(3):
         changed = p.copy()
         changed[:, 2 + column] += np.float32(0.01) * rng.choice([-1, 1], 30).astype(np.float32)
-        products.append(effects(changed, p)[:, 1].sum() / (shape_weights(p)[:, column].sum()))
+        products.append(picture_change(changed, p)[:, 1].sum() / (shape_weights(p)[:, column].sum()))
     assert products == pytest.approx([products[0]] * 3, rel=0.03)

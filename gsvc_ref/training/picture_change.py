@@ -11,7 +11,7 @@ Active = NDArray[np.bool_]
 """(n, 3) bool: whether position, Cholesky factor and colour of a splat may differ from the reference."""
 
 
-def effects(values: F4, reference: F4) -> F4:
+def picture_change(values: F4, reference: F4) -> F4:
     """What changes from `reference` to `values` do to the picture, (n, 3) f4: by position, Cholesky factor, colour.
 
     That is a sum of squared differences over all pixels, to second order and for one splat alone: with A = pi l11 l22
@@ -34,7 +34,7 @@ def effects(values: F4, reference: F4) -> F4:
 
 
 def shape_weights(values: F4) -> F8:
-    """What the square of an error of each Cholesky factor counts in `effects`, over pi / 4, (n, 3) f8."""
+    """What the square of an error of each Cholesky factor counts in `picture_change`, over pi / 4, (n, 3) f8."""
     l11, l21, l22 = values[:, 2:5].astype(np.float64).T
     seen = np.square(values[:, 5:8].astype(np.float64)).sum(axis=1) * (l11 * l22)
     slant = (l21 / l22) * (l21 / l22)
