@@ -31,8 +31,12 @@ class PageWriter(Protocol):
         command: str,
         *,
         quiet: bool,
+        background: tuple[int, int, int] | None,
     ) -> None:
-        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again)."""
+        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again).
+
+        What is transparent in the source is shown on the background.
+        """
 
 
 _page_writers: Final[list[str]] = []
