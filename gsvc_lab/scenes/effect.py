@@ -45,18 +45,10 @@ Stage = Literal["camera", "warp", "transition", "object", "light", "shutter", "s
 
 @dataclass(frozen=True)
 class Effect(Checked, ABC):
-    """Any effect; its fields are declared by `gsvc_lab.scenes.parameters.parameter`.
+    """Any effect; its fields are declared by `gsvc_lab.scenes.parameters.parameter`."""
 
-    Attributes
-    ----------
-    SUMMARY
-        One sentence for the gallery.
-    STAGE
-        Stage at which it takes part.
-    """
-
-    SUMMARY: ClassVar[str] = ""
-    STAGE: ClassVar[Stage]
+    SUMMARY: ClassVar[str] = ""  # one sentence for the gallery
+    STAGE: ClassVar[Stage]  # stage at which it takes part
 
     def prepare(self, canvas: Canvas, rng: Callable[[], Draws]) -> Self:
         """The effect, ready for a clip; `rng()` makes its generator, for those that draw something once."""
