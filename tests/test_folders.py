@@ -157,8 +157,9 @@ def test_a_full_disk_leaves_the_old_file_alone(ways, monkeypatch, tmp_path, call
     with OwnFolder(tmp_path / "a") as own:
         own.write("x", b"old")
         monkeypatch.setattr(os, call, full)
-        with pytest.raises(OSError, match="No space"):
+        with pytest.raises(OSError, match="No space") as caught:
             own.write("x", b"new", durable=True)
+        assert caught.value.filename.startswith(str(own.path))
         assert (own.read("x", 3), own.names()) == (b"old", ["x"])
 
 

@@ -9,10 +9,14 @@ globalThis.GSVC ??= {};
     const response = await fetch(url, { mode: "same-origin", signal });
     if (!response.ok) throw new Error(`${response.status} ${response.statusText}`);
     const reader = response.body.getReader();
-    for (;;) {
-      const { done, value } = await reader.read();
-      if (done) return;
-      yield value;
+    try {
+      for (;;) {
+        const { done, value } = await reader.read();
+        if (done) return;
+        yield value;
+      }
+    } finally {
+      reader.cancel().catch(() => {}); // nobody wants the rest
     }
   }
 

@@ -129,6 +129,7 @@ globalThis.GSVC ??= {};
       $("busy").textContent = `Reading ${name}: ${number(100 * part)} %`;
     };
     GSVC.controls.showTab("watch");
+    $("ask").hidden = true;
     $("busy").hidden = !live;
     $("busy").textContent = `Waiting for the first frame of ${name}`;
     $("status").textContent = `Reading ${name}.`;
@@ -137,7 +138,10 @@ globalThis.GSVC ??= {};
       for await (const piece of input.pieces(signal)) {
         signal.throwIfAborted();
         reading.append(piece);
-        if (reading.start()) await allowed(input, reading.header, signal);
+        if (reading.start() && reading.header.level > MOST_LEVEL && !input.isAllowed) {
+          ask(input, layer, reading.header.level);
+          return;
+        }
         if (!live) continue;
         await GSVC.readInSteps(reading, () => {}, signal);
         grown(input, reading);
@@ -158,25 +162,14 @@ globalThis.GSVC ??= {};
     $("busy").hidden = true;
   }
 
-  /** Wait until somebody asks for a stream to be decoded, if its level is too high for that to happen by itself. */
-  async function allowed(input, { level }, signal) {
-    if (level <= MOST_LEVEL || input.isAllowed) return;
-    const wasBusy = !$("busy").hidden;
-    $("busy").hidden = true;
-    $("status").textContent = ""; // the question is an alert
+  /** Say why a stream is not decoded by itself; a button opens it anew, and decodes it. */
+  function ask(input, layer, level) {
     const lines = [...levelInWords(input.name, level, MOST_LEVEL), ...stillShown()];
     $("why").replaceChildren(...lines.map((line) => element("p", {}, line)));
+    $("decode").onclick = () => open({ ...input, isAllowed: true }, layer);
     $("ask").hidden = false;
-    await new Promise((resolve, reject) => {
-      $("decode").onclick = resolve;
-      signal.addEventListener("abort", () => {
-        $("ask").hidden = true; // at once: the next one may ask as well
-        reject(signal.reason);
-      });
-    });
-    $("ask").hidden = true;
-    $("busy").hidden = !wasBusy;
-    input.isAllowed = true;
+    $("busy").hidden = true;
+    $("status").textContent = ""; // the question is an alert
   }
 
   const stillShown = () => (state.file ? [`${state.file.input.name} is still shown.`] : []);

@@ -24,18 +24,8 @@ def support_sigma(cutoff: float) -> float:
 def cut_sum(splats: Splats, width: int, height: int, cutoff: float) -> F8:
     """The sum (9-2) of spec.md with another support: a splat covers a pixel iff exp(-sigma) >= cutoff.
 
-    Parameters
-    ----------
-    splats
-        Positions and Cholesky factors in pixels of this frame.
-    width, height
-        Size of the frame in pixels.
-    cutoff
-        At most 1/255, which is that of the definition; 0 cuts nothing.
-
-    Returns
-    -------
-    (H, W, 3) f8, not clamped.
+    `splats`: positions and Cholesky factors in pixels of this frame. `width` and `height`: size of the frame in pixels.
+    `cutoff`: at most 1/255, which is that of the definition; 0 cuts nothing. Returns (H, W, 3) f8, not clamped.
     """
     support = support_sigma(cutoff)
     C = np.zeros((height, width, 3))  # (H, W, 3) f8

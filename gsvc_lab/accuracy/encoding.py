@@ -19,25 +19,14 @@ OnTime = Callable[[float], None]
 
 @dataclass(frozen=True)
 class Curve:
-    """The PSNR of an I-frame over the time of encoding it.
+    """The PSNR of an I-frame over the time of encoding it."""
 
-    Attributes
-    ----------
-    preset
-        ``quick`` or ``paper``.
-    points
-        Seconds since the beginning, and PSNR in dB against the source of the picture before rounding; not every
-        iteration has one.
-    iterations
-        Number of iterations in all.
-    end
-        Reason for the end of the curve.
-    """
-
-    preset: str
+    preset: str  # ``quick`` or ``paper``
+    # Seconds since the beginning, and PSNR in dB against the source of the picture before rounding; not every iteration
+    # has one
     points: tuple[tuple[float, float], ...]
-    iterations: int
-    end: str
+    iterations: int  # number of iterations in all
+    end: str  # reason for the end of the curve
 
     def seconds_to(self, psnr: float) -> float | None:
         """The time at which the curve first reached a PSNR; None if it never did."""

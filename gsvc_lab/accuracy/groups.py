@@ -16,53 +16,26 @@ ENCODING: Final = "encoding"
 
 @dataclass(frozen=True)
 class Setting:
-    """One value of what a group varies.
+    """One value of what a group varies."""
 
-    Attributes
-    ----------
-    name
-        Its name in tables.
-    work
-        The work that is timed.
-    base
-        Whether the ratios of the group are to this setting: that of the codec, or the finest one where frames are
-        coded and splats fitted.
-    usual
-        Name of the preset or code that works with it: ``reference``, ``quick``, ``paper`` or nothing.
-    """
-
-    name: str
-    work: Work
+    name: str  # its name in tables
+    work: Work  # the work that is timed
+    # Whether the ratios of the group are to this setting: that of the codec, or the finest one where frames are coded
+    # and splats fitted
     base: bool = False
-    usual: str = ""
+    usual: str = ""  # name of the preset or code that works with it: ``reference``, ``quick``, ``paper`` or nothing
 
 
 @dataclass(frozen=True)
 class Group:
-    """Settings that differ in one thing.
+    """Settings that differ in one thing."""
 
-    Attributes
-    ----------
-    name
-        Its name for ``--group``.
-    title
-        The thing that is varied.
-    kind
-        Whether the work renders the fitted splats, codes them, or fits them.
-    against
-        The picture that errors and PSNR are against.
-    settings
-        The settings, from coarse to fine where there is an order; one is the base.
-    note
-        A sentence that a reader must know, or nothing.
-    """
-
-    name: str
-    title: str
-    kind: Kind
-    against: str
-    settings: tuple[Setting, ...]
-    note: str = ""
+    name: str  # its name for ``--group``
+    title: str  # the thing that is varied
+    kind: Kind  # whether the work renders the fitted splats, codes them, or fits them
+    against: str  # the picture that errors and PSNR are against
+    settings: tuple[Setting, ...]  # the settings, from coarse to fine where there is an order; one is the base
+    note: str = ""  # a sentence that a reader must know, or nothing
 
     @property
     def cost(self) -> str:
@@ -240,10 +213,7 @@ GROUP_NAMES: Final = (*(group.name for group in GROUPS), ENCODING)
 def check_names(names: tuple[str, ...]) -> None:
     """Refuse names that are no groups.
 
-    Raises
-    ------
-    UsageError
-        There is no such group, or none is named.
+    A UsageError says that there is no such group, or none is named.
     """
     for name in names:
         if name not in GROUP_NAMES:

@@ -26,20 +26,13 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Errors:
-    """The distance of a picture from another over all samples, in steps of 8 bits.
+    """The distance of a picture from another over all samples, in steps of 8 bits."""
 
-    Attributes
-    ----------
-    largest, quantile, rms
-        The largest absolute error, its quantile at QUANTILE, and the root of the mean square.
-    psnr
-        PSNR in dB for full scale; infinite for equal pictures.
-    """
-
+    # The largest absolute error, its quantile at QUANTILE, and the root of the mean square
     largest: float
     quantile: float
     rms: float
-    psnr: float
+    psnr: float  # PSNR in dB for full scale; infinite for equal pictures
 
     @classmethod
     def between(cls, picture: NDArray[Any], reference: NDArray[Any]) -> Self:
@@ -94,28 +87,16 @@ def visit(work: Callable[[], Any]) -> float:
 
 
 def take_turns(
-    turns: Sequence[Callable[[int], float]],
-    rounds: int,
+    turns: Sequence[Callable[[int], float]],  # each takes the number of the round and returns seconds
+    rounds: int,  # the most rounds
+    # The time of `time.perf_counter` after which no round is begun that would not end before it, but MIN_ROUNDS are
+    # made at any rate
     until: float,
-    on_turn: Callable[[int], None] = lambda turn: None,
+    on_turn: Callable[[int], None] = lambda turn: None,  # called after each turn with its number
 ) -> list[list[float]]:
     """Give every turn once a round, so that a drift of the machine hits all alike: forwards, then backwards.
 
-    Parameters
-    ----------
-    turns
-        Each takes the number of the round and returns seconds.
-    rounds
-        The most rounds.
-    until
-        The time of `time.perf_counter` after which no round is begun that would not end before it, but
-        MIN_ROUNDS are made at any rate.
-    on_turn
-        Called after each turn with its number.
-
-    Returns
-    -------
-    The seconds of every turn, round by round.
+    Returns the seconds of every turn, round by round.
     """
     seconds: list[list[float]] = [[] for _ in turns]
     for number in range(rounds):

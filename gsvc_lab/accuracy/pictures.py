@@ -23,22 +23,12 @@ GREY_LEVELS: Final = 120
 
 @dataclass(frozen=True, eq=False)
 class ErrorPicture:
-    """The errors of a setting, amplified.
+    """The errors of a setting, amplified."""
 
-    Attributes
-    ----------
-    group, setting
-        The group, and the name of its setting.
-    picture
-        (H, W, 3) u1, 128 where there is no error.
-    gain
-        Number of grey levels for an error of one step of 8 bits.
-    """
-
-    group: Group
+    group: Group  # The group, and the name of its setting
     setting: str
-    picture: U1
-    gain: float
+    picture: U1  # (H, W, 3) u1, 128 where there is no error
+    gain: float  # number of grey levels for an error of one step of 8 bits
 
 
 def error_pictures(picture: SourcePicture, groups: tuple[Group, ...]) -> tuple[ErrorPicture, ...]:

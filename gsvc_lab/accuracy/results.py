@@ -16,33 +16,15 @@ FIELDS: Final = ("largest", "quantile", "rms", "psnr")
 
 @dataclass(frozen=True)
 class Measurement:
-    """The measurement of one setting.
+    """The measurement of one setting."""
 
-    Attributes
-    ----------
-    setting
-        The setting.
-    errors
-        Errors against the reference of its group; medians where the runs have different seeds.
-    source_psnr
-        PSNR in dB against the source picture, over the seeds.
-    bytes
-        Size of the coded frame, or None.
-    seconds
-        Time of one run.
-    ratio
-        Its seconds over those of the base of its group.
-    best
-        Whether no other setting of the group is at least as good in RMS error and cost, and better in one.
-    """
-
-    setting: Setting
-    errors: Errors
-    source_psnr: Spread
-    bytes: int | None
-    seconds: Spread
-    ratio: float
-    best: bool
+    setting: Setting  # the setting
+    errors: Errors  # errors against the reference of its group; medians where the runs have different seeds
+    source_psnr: Spread  # PSNR in dB against the source picture, over the seeds
+    bytes: int | None  # size of the coded frame, or None
+    seconds: Spread  # time of one run
+    ratio: float  # its seconds over those of the base of its group
+    best: bool  # whether no other setting of the group is at least as good in RMS error and cost, and better in one
 
 
 @dataclass(frozen=True)
@@ -55,37 +37,17 @@ class GroupResult:
 
 @dataclass(frozen=True)
 class AccuracyReport:
-    """All that was measured.
+    """All that was measured."""
 
-    Attributes
-    ----------
-    source
-        The picture that it was measured on.
-    splats
-        Number of splats that were rendered; 0 without a group that renders.
-    fitted_psnr
-        Their PSNR in dB against the source; None without.
-    groups, curves
-        The results.
-    pictures
-        The errors of a few settings as pictures.
-    notes
-        Sentences that a reader must know.
-    machine
-        Names and values that describe the machine.
-    seconds
-        Seconds that all of it took.
-    """
-
-    source: Source
-    splats: int
-    fitted_psnr: float | None
-    groups: tuple[GroupResult, ...]
+    source: Source  # the picture that it was measured on
+    splats: int  # number of splats that were rendered; 0 without a group that renders
+    fitted_psnr: float | None  # their PSNR in dB against the source; None without
+    groups: tuple[GroupResult, ...]  # The results
     curves: tuple[Curve, ...]
-    pictures: tuple[ErrorPicture, ...]
-    notes: tuple[str, ...]
-    machine: dict[str, str]
-    seconds: float
+    pictures: tuple[ErrorPicture, ...]  # the errors of a few settings as pictures
+    notes: tuple[str, ...]  # sentences that a reader must know
+    machine: dict[str, str]  # names and values that describe the machine
+    seconds: float  # seconds that all of it took
 
 
 def measurements_of(

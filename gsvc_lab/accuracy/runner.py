@@ -45,33 +45,18 @@ OnProgress = Callable[[str, float, float], None]
 
 
 def measure_accuracy(
-    source: Source,
-    names: Sequence[str] = GROUP_NAMES,
+    source: Source,  # the picture
+    names: Sequence[str] = GROUP_NAMES,  # names of the groups
     *,
+    # About how long to measure. Every setting runs at least three times, whatever that takes, and at first the splats
+    # are fitted and the kernels compiled.
     seconds: float = SECONDS,
-    repeats: int = REPEATS,
-    on_progress: OnProgress = lambda text, done, total: None,
+    repeats: int = REPEATS,  # maximum number of rounds in which each setting runs, at least 1
+    on_progress: OnProgress = lambda text, done, total: None,  # called now and then
 ) -> AccuracyReport:
     """Measure groups of settings on a picture.
 
-    Parameters
-    ----------
-    source
-        The picture.
-    names
-        Names of the groups.
-    seconds
-        About how long to measure. Every setting runs at least three times, whatever that takes, and at first the
-        splats are fitted and the kernels compiled.
-    repeats
-        Maximum number of rounds in which each setting runs, at least 1.
-    on_progress
-        Called now and then.
-
-    Raises
-    ------
-    UsageError
-        There is no such group, or a number is out of its range.
+    A UsageError says that there is no such group, or a number is out of its range.
     """
     check_names(tuple(names))
     if not 0 < seconds < math.inf or repeats < 1:

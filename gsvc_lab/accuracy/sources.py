@@ -17,24 +17,12 @@ DEFAULT_SCENE: Final = "chelsea"
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A picture and where it comes from.
+    """A picture and where it comes from."""
 
-    Attributes
-    ----------
-    name
-        Name of the clip or scene.
-    number
-        Number of the frame, from 0.
-    frame
-        (H, W, 3) u1 or u2.
-    bit_depth
-        Bits of a sample.
-    """
-
-    name: str
-    number: int
-    frame: Frame
-    bit_depth: int = 8
+    name: str  # name of the clip or scene
+    number: int  # number of the frame, from 0
+    frame: Frame  # (H, W, 3) u1 or u2
+    bit_depth: int = 8  # bits of a sample
 
     @property
     def picture(self) -> F4:
@@ -56,10 +44,7 @@ SCENES: Final[dict[str, Callable[[], Iterator[Frame]]]] = {
 def scene_source(name: str, number: int = 0) -> Source:
     """A frame of a scene.
 
-    Raises
-    ------
-    UsageError
-        There is no such scene or frame.
+    A UsageError says that there is no such scene or frame.
     """
     if name not in SCENES:
         raise UsageError(f"there is no scene {name!r}; there are {', '.join(SCENES)}")
@@ -69,12 +54,8 @@ def scene_source(name: str, number: int = 0) -> Source:
 def clip_source(path: str, number: int = 0) -> Source:
     """A frame of a video, a folder of pictures or a picture.
 
-    Raises
-    ------
-    UsageError
-        There is no such frame, or the file is none that is encoded.
-    GsvcError
-        It cannot be read as video.
+    A UsageError says that there is no such frame, or that the file is not one that is encoded. A GsvcError says
+    that it cannot be read as video.
     """
     with open_video(path) as reader:
         return Source(path, number, _pick(reader, path, number), reader.format.bit_depth)

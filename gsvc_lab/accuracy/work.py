@@ -55,36 +55,21 @@ ASSESSED_WITH: Final[Precision] = "deterministic"
 
 @dataclass(frozen=True)
 class Quality:
-    """The quality of an outcome.
+    """The quality of an outcome."""
 
-    Attributes
-    ----------
-    errors
-        Errors against the reference of the group.
-    source_psnr
-        PSNR in dB against the source.
-    bytes
-        Size of the coded frame, or None.
-    """
-
-    errors: Errors
-    source_psnr: float
-    bytes: int | None = None
+    errors: Errors  # errors against the reference of the group
+    source_psnr: float  # PSNR in dB against the source
+    bytes: int | None = None  # size of the coded frame, or None
 
 
 class SourcePicture:
     """A picture, its splats as the preset quick fits them, and their exact pictures, each made when it is first used.
 
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4.
-    on_iteration
-        Called while the splats are fitted.
+    `on_iteration`: called while the splats are fitted.
     """
 
     def __init__(self, picture: F4, on_iteration: OnIteration | None = None) -> None:
-        self.picture = picture
+        self.picture = picture  # (H, W, 3) f4
         self.height, self.width = picture.shape[:2]
         self._on_iteration = on_iteration
         self._objectives: dict[Precision, Objective] = {}
@@ -166,21 +151,12 @@ class CutOff:
 
 @dataclass(frozen=True)
 class Coding:
-    """Quantise the fitted splats, fine-tune them and code them as an I-frame, as preset quick once did (QUICK_TUNE).
+    """Quantise the fitted splats, fine-tune them and code them as an I-frame, as preset quick once did (QUICK_TUNE)."""
 
-    Attributes
-    ----------
-    position_bits
-        Positions are multiples of 2^(1 - position_bits) of half the frame's longer side; None keeps binary16.
-    cholesky_bits
-        Bits b of a Cholesky factor.
-    stages, codewords
-        M and B of the colours.
-    """
-
+    # Positions are multiples of 2^(1 - position_bits) of half the frame's longer side; None keeps binary16
     position_bits: int | None = None
-    cholesky_bits: int = 8
-    stages: int = 3
+    cholesky_bits: int = 8  # bits b of a Cholesky factor
+    stages: int = 3  # stages, codewords: M and B of the colours
     codewords: int = 16
 
     def settings(self, width: int, height: int) -> PaperSettings:
@@ -225,27 +201,14 @@ class _Later:
 
 @dataclass(frozen=True)
 class Training:
-    """Fit splats to the picture; the defaults are those that preset quick once had for an I-frame (QUICK_FIT).
+    """Fit splats to the picture; the defaults are those that preset quick once had for an I-frame (QUICK_FIT)."""
 
-    Attributes
-    ----------
-    pixels_per_splat
-        Number of pixels for each splat.
-    start
-        ``image``, or ``random`` as in the paper, with its weight w folded into the colours.
-    fit
-        Settings of the fit.
-    growth
-        Begin with few splats, and add the others where the residual is; None: all at once.
-    precision
-        Precision of the loss and its gradient: ``fast`` or ``deterministic``.
-    """
-
-    pixels_per_splat: int = PIXELS_PER_SPLAT
+    pixels_per_splat: int = PIXELS_PER_SPLAT  # number of pixels for each splat
+    # ``image``, or ``random`` as in the paper, with its weight w folded into the colours
     start: Literal["image", "random"] = "image"
-    fit: FitSettings = field(default=QUICK_FIT)
-    growth: Growth | None = GROWTH
-    precision: Precision = "fast"
+    fit: FitSettings = field(default=QUICK_FIT)  # settings of the fit
+    growth: Growth | None = GROWTH  # begin with few splats, and add the others where the residual is; None: all at once
+    precision: Precision = "fast"  # precision of the loss and its gradient: ``fast`` or ``deterministic``
 
     def fitted(self, picture: SourcePicture, seed: int, on_iteration: OnIteration | None = None) -> Population:
         """The splats at the end."""

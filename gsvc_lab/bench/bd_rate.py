@@ -16,25 +16,15 @@ LITTLE: Final = 0.5
 
 @dataclass(frozen=True)
 class BdRate:
-    """The mean difference of two rate-quality curves.
+    """The mean difference of two rate-quality curves."""
 
-    Attributes
-    ----------
-    percent
-        Bits of the test over those of the anchor at equal quality, less 100 %; None where there is no common quality.
-    low, high
-        The qualities that it is the mean over: those that both curves reach. Nothing is extrapolated.
-    share
-        Their part of the test's own range, 0..1.
-    reason
-        Reason for the absence of a number; None where there is one.
-    """
-
+    # Bits of the test over those of the anchor at equal quality, less 100 %; None where there is no common quality
     percent: float | None
+    # The qualities that it is the mean over: those that both curves reach. Nothing is extrapolated.
     low: float | None = None
     high: float | None = None
-    share: float = 0.0
-    reason: str | None = None
+    share: float = 0.0  # their part of the test's own range, 0..1
+    reason: str | None = None  # reason for the absence of a number; None where there is one
 
     @property
     def ratio(self) -> float | None:

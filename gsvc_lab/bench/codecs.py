@@ -22,59 +22,29 @@ SCAN: Final = 8192
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to ask a codec.
+    """One way to ask a codec."""
 
-    Attributes
-    ----------
-    name
-        Name for tables.
-    options
-        Options of ffmpeg.
-    evidence
-        A regular expression that the codec's own report matches if they took effect.
-    """
-
-    name: str
-    options: tuple[str, ...]
-    evidence: str
+    name: str  # name for tables
+    options: tuple[str, ...]  # options of ffmpeg
+    evidence: str  # a regular expression that the codec's own report matches if they took effect
 
 
 @dataclass(frozen=True)
 class Codec:
-    """A codec of ffmpeg.
+    """A codec of ffmpeg."""
 
-    Attributes
-    ----------
-    standard, library
-        Its names.
-    container
-        Ffmpeg's name of the bare stream.
-    quality
-        The option that sets the quality, as ffmpeg and as tables call it.
-    values
-        Values of that option, from coarse to fine.
-    removed_units
-        Types of units that are taken out before the bytes are counted, since pictures do not need them.
-    bit_depth
-        Bits of a sample of the coded pictures.
-    thread_option
-        Options that set the number of threads; ``{}`` stands for it.
-    facts
-        Regular expressions of what is worth quoting from the codec's report: its version, its preset.
-    variants
-        The one that verdicts are about first.
-    """
-
-    standard: str
+    standard: str  # Its names
     library: str
-    container: str
-    quality: tuple[str, str]
-    values: tuple[int, ...]
+    container: str  # ffmpeg's name of the bare stream
+    quality: tuple[str, str]  # the option that sets the quality, as ffmpeg and as tables call it
+    values: tuple[int, ...]  # values of that option, from coarse to fine
+    # Types of units that are taken out before the bytes are counted, since pictures do not need them
     removed_units: str | None
-    bit_depth: int
-    thread_option: tuple[str, str]
+    bit_depth: int  # bits of a sample of the coded pictures
+    thread_option: tuple[str, str]  # options that set the number of threads; ``{}`` stands for it
+    # Regular expressions of what is worth quoting from the codec's report: its version, its preset
     facts: tuple[str, ...]
-    variants: tuple[Variant, ...]
+    variants: tuple[Variant, ...]  # the one that verdicts are about first
 
     def label(self, variant: int = 0) -> str:
         """The name of a variant in tables."""
@@ -156,28 +126,14 @@ ends at 63, that of the others at 51. By default vvenc would set a key frame eac
 
 @dataclass(frozen=True)
 class Coded:
-    """A coded clip.
+    """A coded clip."""
 
-    Attributes
-    ----------
-    path
-        The stream, without the units that are not counted.
-    bytes
-        Its size.
-    removed_bytes
-        Size of what was taken out.
-    seconds, cpu_seconds
-        Time of encoding, from the start of ffmpeg to its end.
-    report
-        The codec's own words about its settings.
-    """
-
-    path: Path
-    bytes: int
-    removed_bytes: int
-    seconds: float
+    path: Path  # the stream, without the units that are not counted
+    bytes: int  # its size
+    removed_bytes: int  # size of what was taken out
+    seconds: float  # Time of encoding, from the start of ffmpeg to its end
     cpu_seconds: float
-    report: str
+    report: str  # the codec's own words about its settings
 
     def quoted(self, codec: Codec) -> list[str]:
         """The part of the report that is worth quoting, with single spaces."""
@@ -192,10 +148,7 @@ class Coded:
 def encode(clip: PlanarClip, codec: Codec, variant: Variant, value: int, folder: Path, threads: int | None) -> Coded:
     """Encode a clip.
 
-    Raises
-    ------
-    FfmpegError
-        The program lacks the encoder or a filter, or fails.
+    An FfmpegError says that the program lacks the encoder or a filter, or fails.
     """
     if codec.library not in ffmpeg.encoders():
         raise FfmpegError(f"this ffmpeg has no {codec.library}; set IMAGEIO_FFMPEG_EXE to one that has")
@@ -244,10 +197,7 @@ def decoding_seconds(coded: Coded, codec: Codec) -> float:
 def decode(coded: Coded, codec: Codec, clip: PlanarClip) -> Iterator[tuple[Plane, Plane, Plane]]:
     """The decoded planes of each frame, u1; what was coded with more bits is rounded to 8.
 
-    Raises
-    ------
-    FfmpegError
-        It does not decode, or to another number of frames.
+    An FfmpegError says that it does not decode, or to another number of frames.
     """
     wide = codec.bit_depth > 8
     arguments = ["-f", codec.container, "-i", ffmpeg.file_url(coded.path), "-fps_mode", "passthrough"]

@@ -10,24 +10,12 @@ from gsvc_ref.encoder import Settings
 
 @dataclass(frozen=True)
 class Coder:
-    """One way to code a clip by GSVC.
+    """One way to code a clip by GSVC."""
 
-    Attributes
-    ----------
-    name
-        Name for tables.
-    preset
-        `Settings.quick` and the like, by its name.
-    pixels_per_splat
-        N is the area of the picture over each of these, from coarse to fine.
-    overrides
-        What it takes as arguments beside N.
-    """
-
-    name: str
-    preset: str
-    pixels_per_splat: tuple[int, ...]
-    overrides: Mapping[str, Any] = field(default_factory=dict)
+    name: str  # name for tables
+    preset: str  # `Settings.quick` and the like, by its name
+    pixels_per_splat: tuple[int, ...]  # n is the area of the picture over each of these, from coarse to fine
+    overrides: Mapping[str, Any] = field(default_factory=dict)  # what it takes as arguments beside N
 
     def settings(self, **others: Any) -> Settings:
         """The settings: those of the preset but for the overrides; whole files without notes of the encoder."""

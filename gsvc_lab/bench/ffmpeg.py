@@ -22,29 +22,19 @@ class FfmpegError(UsageError):
 
 @dataclass(frozen=True)
 class Ran:
-    """One run of the program.
+    """One run of the program."""
 
-    Attributes
-    ----------
-    seconds, cpu_seconds
-        Wall time, and CPU time of all its threads, from the start of the program to its end.
-    log
-        The text of its error stream.
-    """
-
+    # Wall time, and CPU time of all its threads, from the start of the program to its end
     seconds: float
     cpu_seconds: float
-    log: str
+    log: str  # the text of its error stream
 
 
 @cache
 def program() -> str:
     """The path of the program.
 
-    Raises
-    ------
-    FfmpegError
-        There is none.
+    An FfmpegError says that there is none.
     """
     try:
         import imageio_ffmpeg  # an optional extra: absent in a plain installation
@@ -89,19 +79,8 @@ def file_url(path: Path) -> str:
 def run(arguments: Sequence[str], *, loglevel: str = "error", capture: bool = False) -> Ran:
     """Run ffmpeg to its end.
 
-    Parameters
-    ----------
-    arguments
-        Arguments after the common ones.
-    loglevel
-        Level of the messages in the log.
-    capture
-        Whether its standard output is to stand in the log too.
-
-    Raises
-    ------
-    FfmpegError
-        It does not start, or ends with an error.
+    `arguments`: arguments after the common ones. `loglevel`: level of the messages in the log. `capture`: whether its
+    standard output is to stand in the log too. An FfmpegError says that it does not start, or ends with an error.
     """
     command = [program(), *QUIET, "-loglevel", f"level+{loglevel}", *arguments]
     start, before = time.perf_counter(), os.times()
@@ -121,10 +100,7 @@ def run(arguments: Sequence[str], *, loglevel: str = "error", capture: bool = Fa
 def pictures(arguments: Sequence[str], size: int) -> Iterator[bytes]:
     """The standard output of ffmpeg in pieces of `size` bytes.
 
-    Raises
-    ------
-    FfmpegError
-        It fails, or the last piece is cut off.
+    An FfmpegError says that it fails, or the last piece is cut off.
     """
     command = [program(), *QUIET, "-loglevel", "level+error", *arguments, "pipe:1"]
     with tempfile.TemporaryFile() as errors:

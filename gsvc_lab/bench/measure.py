@@ -42,21 +42,12 @@ COUNTED_BITS: Final = {"I": 112, "P": 88}
 
 @dataclass(frozen=True)
 class CodeLength:
-    """The bits that a file of profile `main` would have if nothing were rounded up.
+    """The bits that a file of profile `main` would have if nothing were rounded up."""
 
-    Attributes
-    ----------
-    symbols
-        Code lengths of all symbols by the distributions that a decoder has, a part of a frame rounded down to bits.
-    densities
-        Bits of the densities, which the frames send.
-    counted
-        COUNTED_BITS of all frames.
-    """
-
+    # Code lengths of all symbols by the distributions that a decoder has, a part of a frame rounded down to bits
     symbols: int
-    densities: int
-    counted: int
+    densities: int  # bits of the densities, which the frames send
+    counted: int  # COUNTED_BITS of all frames
 
     @property
     def bits(self) -> int:
@@ -76,41 +67,20 @@ def code_length(frames: Iterable[FrameReport]) -> CodeLength:
 
 @dataclass(frozen=True)
 class Point:
-    """A clip coded in one way.
+    """A clip coded in one way."""
 
-    Attributes
-    ----------
-    setting
-        Such as ``CRF 30`` or ``N 500``.
-    bytes
-        Size of all frames.
-    bits_per_pixel
-        Bits for each pixel of all frames.
-    psnr, psnr_y
-        Means over frames in dB; infinite if a frame is equal.
-    ms_ssim
-        Mean over frames, 0..1.
-    vmaf
-        Mean over frames, or None where it cannot be had.
-    encoding_seconds, encoding_cpu_seconds, decoding_seconds
-        A frame.
-    splats
-        N of GSVC; None for codecs.
-    code_length
-        Bits of GSVC's profile `main` that nothing is rounded up in; None for all else.
-    """
-
-    setting: str
-    bytes: int
-    bits_per_pixel: float
-    psnr: float
+    setting: str  # such as ``CRF 30`` or ``N 500``
+    bytes: int  # size of all frames
+    bits_per_pixel: float  # bits for each pixel of all frames
+    psnr: float  # Means over frames in dB; infinite if a frame is equal
     psnr_y: float
-    ms_ssim: float
-    vmaf: float | None
-    encoding_seconds: float
+    ms_ssim: float  # mean over frames, 0..1
+    vmaf: float | None  # mean over frames, or None where it cannot be had
+    encoding_seconds: float  # encoding_seconds, encoding_cpu_seconds, decoding_seconds: A frame
     encoding_cpu_seconds: float
     decoding_seconds: float
-    splats: int | None = None
+    splats: int | None = None  # n of GSVC; None for codecs
+    # Bits of GSVC's profile `main` that nothing is rounded up in; None for all else
     code_length: CodeLength | None = None
 
     def quality(self, metric: str) -> float:
@@ -125,27 +95,13 @@ class Point:
 
 @dataclass(frozen=True)
 class Curve:
-    """The points of one coder on one clip.
+    """The points of one coder on one clip."""
 
-    Attributes
-    ----------
-    coder
-        Its name with its variant.
-    clip
-        The title of the clip.
-    points
-        Points from coarse to fine.
-    notes
-        Sentences that a reader must know.
-    missing
-        Reason for the absence of points; None where there are some.
-    """
-
-    coder: str
-    clip: str
-    points: tuple[Point, ...]
-    notes: tuple[str, ...] = ()
-    missing: str | None = None
+    coder: str  # its name with its variant
+    clip: str  # the title of the clip
+    points: tuple[Point, ...]  # points from coarse to fine
+    notes: tuple[str, ...] = ()  # sentences that a reader must know
+    missing: str | None = None  # reason for the absence of points; None where there are some
 
     def pairs(self, metric: str) -> list[tuple[float, float]]:
         """Rate and quality of each point."""
@@ -247,10 +203,7 @@ def codec_point(
 ) -> tuple[Point, codecs.Coded]:
     """Code a clip by a codec of ffmpeg.
 
-    Raises
-    ------
-    FfmpegError
-        The codec is missing or fails.
+    An FfmpegError says that the codec is missing or fails.
     """
     coded = codecs.encode(clip, codec, variant, value, folder, threads)
     decoding = codecs.decoding_seconds(coded, codec)

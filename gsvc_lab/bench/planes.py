@@ -26,24 +26,12 @@ RAW: Final = ("-fps_mode", "passthrough", "-pix_fmt", "yuv420p", "-f", "rawvideo
 
 @dataclass(frozen=True)
 class PlanarClip:
-    """The frames of a clip.
+    """The frames of a clip."""
 
-    Attributes
-    ----------
-    title
-        Title for tables and figures.
-    note
-        Origin of the planes, and what was done to them.
-    path
-        Raw planes, frame after frame.
-    format
-        8-bit 4:2:0, its frame count known.
-    """
-
-    title: str
-    note: str
-    path: Path
-    format: VideoFormat
+    title: str  # title for tables and figures
+    note: str  # origin of the planes, and what was done to them
+    path: Path  # raw planes, frame after frame
+    format: VideoFormat  # 8-bit 4:2:0, its frame count known
 
     @property
     def frame_count(self) -> int:
@@ -91,25 +79,9 @@ class PlanarClip:
 def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
     """Frames of a video file, as its own planes where it is 8-bit 4:2:0 of limited range, and no picture is turned.
 
-    Parameters
-    ----------
-    path
-        Anything `open_video` reads.
-    target
-        File for the raw planes.
-    frames
-        The most frames.
-    crop
-        The largest (width, height) that is taken, out of the middle; None: all of the picture.
-    start
-        The first of them.
-
-    Raises
-    ------
-    UsageError, GsvcError
-        The file cannot be read.
-    FfmpegError
-        Ffmpeg cannot read it.
+    `path`: anything `open_video` reads. `target`: file for the raw planes. `frames`: the most frames. `crop`: the
+    largest (width, height) that is taken, out of the middle; None: all of the picture. `start`: the first of them. A
+    UsageError or GsvcError says that the file cannot be read. An FfmpegError says that ffmpeg cannot read it.
     """
     with open_video(path) as reader:
         video = reader.format
@@ -140,10 +112,7 @@ def from_raw(
 ) -> PlanarClip:
     """The first frames of a file of raw planes, such as UVG's; what is no whole frame at its end is left out.
 
-    Raises
-    ------
-    FfmpegError
-        Ffmpeg cannot read it.
+    An FfmpegError says that ffmpeg cannot read it.
     """
     part = _part(video, crop, path.name)
     whole = PlanarClip(path.stem, "", path, video)

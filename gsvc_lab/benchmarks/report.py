@@ -35,10 +35,7 @@ def parts(results: dict[str, Any]) -> dict[str, str]:
 def filled(document: str, texts: dict[str, str]) -> str:
     """The document with each text between its markers.
 
-    Raises
-    ------
-    UsageError
-        The document lacks the markers of a text.
+    A UsageError says that the document lacks the markers of a text.
     """
     for name, text in texts.items():
         document = replaced(document, f"<!-- measured: {name} -->", "<!-- end -->", text)

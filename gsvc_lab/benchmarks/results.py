@@ -9,25 +9,13 @@ from gsvc_base.pages.tables import Table as Table
 
 @dataclass(frozen=True)
 class Goal:
-    """A goal, and what was measured.
+    """A goal, and what was measured."""
 
-    Attributes
-    ----------
-    work
-        The work that the goal is about.
-    unit
-        Unit of the numbers, such as ``times`` or ``frames/s``.
-    must, aim
-        The goals; a larger number is better if `more_is_better`.
-    measured
-        The number, or None with the reason in `note`.
-    """
-
-    work: str
-    unit: str
-    must: float
+    work: str  # the work that the goal is about
+    unit: str  # unit of the numbers, such as ``times`` or ``frames/s``
+    must: float  # The goals; a larger number is better if `more_is_better`
     aim: float | None
-    measured: float | None
+    measured: float | None  # the number, or None with the reason in `note`
     more_is_better: bool = False
     note: str = ""
 

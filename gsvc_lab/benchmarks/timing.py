@@ -51,14 +51,7 @@ def interleaved(
 
     Of several contenders each is called for SETTLE seconds before its call that is timed. One alone needs no such.
 
-    Parameters
-    ----------
-    calls
-        The contenders by name.
-    seconds
-        About how long to go on.
-    fewest, most
-        Least and most rounds.
+    `calls`: the contenders by name. `seconds`: about how long to go on. `fewest` and `most`: least and most rounds.
     """
     times: dict[str, list[float]] = {name: [] for name in calls}
     last = {name: _seconds(call) for name, call in calls.items()}

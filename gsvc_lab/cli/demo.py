@@ -203,16 +203,8 @@ class Demo:
 def check(encoded: "EncodeReport", data: "ReportData", stream: "StreamSummary", file_bytes: int) -> list[str]:
     """One sentence for each thing that does not come out as it must: frames, bits, and the decoder's pictures.
 
-    Parameters
-    ----------
-    encoded
-        The report of the encoder.
-    data
-        The contents of the page, with the PSNR of the decoded frames.
-    stream
-        The bits of the file by their use.
-    file_bytes
-        Size of the file as the file system tells it.
+    `encoded`: the report of the encoder. `data`: the contents of the page, with the PSNR of the decoded frames.
+    `stream`: the bits of the file by their use. `file_bytes`: size of the file as the file system tells it.
     """
     faults = []
     if stream.error is not None:

@@ -81,10 +81,7 @@ def run(arguments: Namespace) -> int:
 def check_page(page: str, *sources: str) -> None:
     """Refuse a page that cannot be written, before work is done for it.
 
-    Raises
-    ------
-    UsageError
-        It is no name of a page, or see `check_output`.
+    A UsageError says that it is not the name of a page; others are those of `check_output`.
     """
     if Path(page).suffix.lower() not in PAGE_SUFFIXES:
         raise UsageError(f"{page} is no name of a page; it ends in .html, such as {Path(page).stem or 'page'}.html")

@@ -46,29 +46,14 @@ CUT: Final = 30
 
 @dataclass(frozen=True)
 class Plan:
-    """The size of the experiment.
+    """The size of the experiment."""
 
-    Attributes
-    ----------
-    size
-        Width and height.
-    frames
-        Number of frames of each clip.
-    splats
-        The values of N; every variant ends with 0.9 N in each frame.
-    decoded
-        The value of N whose streams are made too, with the first seed.
-    seeds
-        Number of seeds.
-    iterations, rate
-        Iterations of the fits: the paper's 50,000 at 1e-3 shortened to these (`encodes.shortened`).
-    """
-
-    size: tuple[int, int]
-    frames: int
-    splats: tuple[int, ...]
-    decoded: int
-    seeds: int
+    size: tuple[int, int]  # width and height
+    frames: int  # number of frames of each clip
+    splats: tuple[int, ...]  # the values of N; every variant ends with 0.9 N in each frame
+    decoded: int  # the value of N whose streams are made too, with the first seed
+    seeds: int  # number of seeds
+    # Iterations of the fits: the paper's 50,000 at 1e-3 shortened to these (`encodes.shortened`)
     iterations: int
     rate: float
 

@@ -8,21 +8,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Change:
-    """A mean difference.
+    """A mean difference."""
 
-    Attributes
-    ----------
-    mean
-        Mean over the pairs.
-    error
-        Its standard error, the pairs taken as independent; None of one pair, which tells nothing about chance.
-    pairs
-        Number of pairs.
-    """
-
-    mean: float
+    mean: float  # mean over the pairs
+    # Its standard error, the pairs taken as independent; None of one pair, which tells nothing about chance
     error: float | None
-    pairs: int
+    pairs: int  # number of pairs
 
     @classmethod
     def of(cls, before: Sequence[float], after: Sequence[float]) -> "Change":

@@ -113,12 +113,7 @@ def main(words: Sequence[str] | None = None) -> int:
 def show(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """Write the page over all results that there are, and the document if asked for; returns their records.
 
-    Raises
-    ------
-    UsageError
-        There are none, or one is damaged.
-    OSError
-        A file cannot be written.
+    A UsageError says that there are none, or one is damaged. An OSError says that a file cannot be written.
     """
     records = write_index(arguments.output)
     print(f"{arguments.output / 'index.html'}: {len(records)} of {len(NAMES)} experiments to look at in a browser")
@@ -131,10 +126,7 @@ def show(arguments: argparse.Namespace) -> list[dict[str, Any]]:
 def write_index(folder: Path) -> list[dict[str, Any]]:
     """Write the page over all results that a folder has; returns their records.
 
-    Raises
-    ------
-    UsageError
-        There are none, or one is damaged.
+    A UsageError says that there are none, or one is damaged.
     """
     records = read_all(folder, NAMES)
     if not records:

@@ -16,12 +16,7 @@ BINS: Final = 10
 def detail(picture: F4, scale: float) -> F8:
     """The detail around each pixel, (H, W) f8: root mean square of the gradient under a Gaussian of `scale` pixels.
 
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4; the squared gradient is summed over the channels.
-    scale
-        Standard deviation in pixels.
+    `picture`: (H, W, 3) f4; the squared gradient is summed over the channels. `scale`: standard deviation in pixels.
     """
     down, across = np.gradient(np.asarray(picture, np.float64), axis=(0, 1))
     return np.asarray(np.sqrt(gaussian_filter((down**2 + across**2).sum(axis=2), scale)))
@@ -34,24 +29,14 @@ def spacing(width: int, height: int, count: int) -> float:
 
 @dataclass(frozen=True)
 class Places:
-    """The places of centres by the rank of the detail there among all pixels: 0 the least, 1 the most.
+    """The places of centres by the rank of the detail there among all pixels: 0 the least, 1 the most."""
 
-    Attributes
-    ----------
-    mean_rank
-        1/2 where detail does not matter.
-    density
-        (BINS,) centres per pixel in each tenth of the frame by rank, in units of the mean over the frame.
-    divergence
-        Kullback-Leibler divergence of the shares of these tenths from equal ones, in bits; 0 where they are equal.
-    outside
-        The fraction of all centres that lie outside of the frame.
-    """
-
-    mean_rank: float
+    mean_rank: float  # 1/2 where detail does not matter
+    # (BINS,) centres per pixel in each tenth of the frame by rank, in units of the mean over the frame
     density: tuple[float, ...]
+    # Kullback-Leibler divergence of the shares of these tenths from equal ones, in bits; 0 where they are equal
     divergence: float
-    outside: float
+    outside: float  # the fraction of all centres that lie outside of the frame
 
 
 def ranks(values: F8) -> F8:

@@ -38,12 +38,9 @@ def make_elsewhere(
 ) -> list[str]:
     """Make experiments at the same time, and keep each as it comes; returns the names of those that were not made.
 
-    Raises
-    ------
-    UsageError
-        There is no such scheduler, or one of its workers cannot be used.
-    ClusterError, BrokenExecutor
-        The scheduler went away, or a process or its workers died of an experiment; those before are kept.
+    A UsageError says that there is no such scheduler, or one of its workers cannot be used. A ClusterError or
+    BrokenExecutor says that the scheduler went away, or a process or its workers died of an experiment; those
+    before are kept.
     """
     failed = []
     with opened_cluster(scheduler) if scheduler is not None else Processes(jobs) as executor:

@@ -123,12 +123,7 @@ class Encoded:
 def encoded(clip: Clip, settings: Settings, say: Say, what: str) -> Encoded:
     """Encode a clip; a sentence when it is done, and now and then while it lasts.
 
-    Raises
-    ------
-    GsvcError
-        The clip has no frames.
-    KeyboardInterrupt
-        Ctrl-C came while it was encoded.
+    A GsvcError says that the clip has no frames. A KeyboardInterrupt passes through.
     """
     now_and_then = NowAndThen(say)
 
@@ -192,10 +187,7 @@ def excerpt(clip: Clip, first: int, frames: int, width: int, height: int) -> Cli
 
     They are counted by reading them: not every file says how many it holds, and some say it wrongly.
 
-    Raises
-    ------
-    UsageError
-        There are none.
+    A UsageError says that there are none.
     """
     scaled = clip.scaled(width, height)
     count = sum(1 for _ in clip.frames(first, first + frames))

@@ -12,46 +12,23 @@ Holds = Literal["yes", "partly", "no", "cannot be compared"]
 
 @dataclass(frozen=True)
 class Run:
-    """Options that experiments run with.
+    """Options that experiments run with."""
 
-    Attributes
-    ----------
-    full
-        The large version: more frames, larger ones, counts nearer to the paper's; hours to days instead of minutes.
-    clips
-        Files that the user gives in place of the built-in clips.
-    uvg
-        The folder of the UVG sequences, or None.
-    folder
-        Folder of the results.
-    threads
-        Threads to compute with; None: all.
-    say
-        Called with a sentence of progress.
-    """
-
+    # The large version: more frames, larger ones, counts nearer to the paper's; hours to days instead of minutes
     full: bool
-    folder: Path
-    say: Callable[[str], None]
-    clips: tuple[Path, ...] = ()
-    uvg: Path | None = None
-    threads: int | None = None
+    folder: Path  # folder of the results
+    say: Callable[[str], None]  # called with a sentence of progress
+    clips: tuple[Path, ...] = ()  # files that the user gives in place of the built-in clips
+    uvg: Path | None = None  # the folder of the UVG sequences, or None
+    threads: int | None = None  # threads to compute with; None: all
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """Whether the paper's claim holds here.
+    """Whether the paper's claim holds here."""
 
-    Attributes
-    ----------
-    holds
-        Verdict in a word.
-    sentence
-        Why, with the numbers it rests on and the distance where it falls short.
-    """
-
-    holds: Holds
-    sentence: str
+    holds: Holds  # verdict in a word
+    sentence: str  # why, with the numbers it rests on and the distance where it falls short
 
     def about(self, run: Run, measured: str, large: str) -> "Verdict":
         """The same, with what it is about and, of a small version, what the large one would settle."""
@@ -61,51 +38,25 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Result:
-    """The result of an experiment.
+    """The result of an experiment."""
 
-    Attributes
-    ----------
-    setting
-        Sentences about what was measured: clips, frames, sizes, splats, iterations, seeds.
-    numbers
-        Everything measured, for the JSON.
-    tables
-        Tables for people.
-    figures
-        Names of the figures drawn into `Run.folder`, without suffix, with a caption each.
-    verdict
-        Verdict on the paper's claim.
-    """
-
-    setting: str
-    numbers: Any
-    tables: tuple[Table, ...]
+    setting: str  # sentences about what was measured: clips, frames, sizes, splats, iterations, seeds
+    numbers: Any  # everything measured, for the JSON
+    tables: tuple[Table, ...]  # tables for people
+    # Names of the figures drawn into `Run.folder`, without suffix, with a caption each
     figures: dict[str, str] = field(default_factory=dict)
-    verdict: Verdict = Verdict("cannot be compared", "")
+    verdict: Verdict = Verdict("cannot be compared", "")  # verdict on the paper's claim
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """One of the paper's experiments.
+    """One of the paper's experiments."""
 
-    Attributes
-    ----------
-    name
-        Name on the command line: ``python -m gsvc_lab.experiments NAME``.
-    title
-        A heading.
-    claim
-        The paper's claim in our words, with its numbers and where they stand (figure, section).
-    run
-        Makes it.
-    small_threads
-        Threads of the small version unless the user says otherwise; None: all. Tiny frames gain nothing from more.
-    """
-
-    name: str
-    title: str
-    claim: str
-    run: Callable[[Run], Result]
+    name: str  # name on the command line: ``python -m gsvc_lab.experiments NAME``
+    title: str  # a heading
+    claim: str  # the paper's claim in our words, with its numbers and where they stand (figure, section)
+    run: Callable[[Run], Result]  # makes it
+    # Threads of the small version unless the user says otherwise; None: all. Tiny frames gain nothing from more.
     small_threads: int | None = None
 
     def threads(self, given: int | None, *, full: bool) -> int | None:

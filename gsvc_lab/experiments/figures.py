@@ -70,10 +70,7 @@ _EMBEDDED_PNG: Final = re.compile(r"data:image/png;base64,([A-Za-z0-9+/=\s]+)")
 def check_figures() -> None:
     """Refuse to begin where figures cannot be drawn.
 
-    Raises
-    ------
-    UsageError
-        matplotlib is not installed.
+    A UsageError says that matplotlib is not installed.
     """
     if importlib.util.find_spec("matplotlib") is None:
         raise UsageError("figures are drawn by matplotlib; pip install 'gsvc_ref[experiments]'")

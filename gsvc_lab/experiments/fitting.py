@@ -33,16 +33,11 @@ def scales_missing(*sizes: tuple[int, int]) -> str:
 class Picture:
     """A picture to fit splats to.
 
-    Parameters
-    ----------
-    frame
-        (H, W, 3) u1.
-    threads
-        Threads to compute with; None: all.
+    `threads`: threads to compute with; None: all.
     """
 
     def __init__(self, frame: Frame, threads: int | None) -> None:
-        self.frame = frame
+        self.frame = frame  # (H, W, 3) u1
         self.samples = as_picture(frame)  # (H, W, 3) f4
         self.height, self.width = frame.shape[:2]
         self.threads, self.objective = threads, Objective(self.samples, threads)
@@ -60,28 +55,15 @@ class Picture:
 
 def fitted(
     picture: Picture,
-    settings: FrameSettings,
-    count: int,
-    seed: int,
+    settings: FrameSettings,  # settings of an I-frame
+    count: int,  # splats at the start, at random places
+    seed: int,  # seed of the start
+    # Called after each iteration with its number, the loss that it began with, and the population
     on_step: Callable[[int, float, Population], None] | None = None,
     *,
-    weight: float = NEW_WEIGHT,
+    weight: float = NEW_WEIGHT,  # the w that all splats begin with
 ) -> tuple[Population, int]:
-    """Fit a picture as an I-frame of preset `paper`; the population and the number of iterations made.
-
-    Parameters
-    ----------
-    settings
-        Settings of an I-frame.
-    count
-        Splats at the start, at random places.
-    seed
-        Seed of the start.
-    on_step
-        Called after each iteration with its number, the loss that it began with, and the population.
-    weight
-        The w that all splats begin with.
-    """
+    """Fit a picture as an I-frame of preset `paper`; the population and the number of iterations made."""
     uniforms = uniform_numbers(count, np.random.default_rng(seed))
     start = random_splats(uniforms, picture.width, picture.height)
     assert isinstance(settings.fit, FitSettings)

@@ -41,20 +41,12 @@ class Moment:
 
 
 class PaperRun:
-    """One long fit with the paper's start and schedule, looked at on its way.
-
-    Attributes
-    ----------
-    moments
-        At the iterations asked for.
-    converged
-        The iteration at which the paper's rule would have ended it, or None.
-    """
+    """One long fit with the paper's start and schedule, looked at on its way."""
 
     def __init__(self, picture: Picture, settings: FrameSettings, count: int, times: Sequence[int], run: Run) -> None:
         self.picture, self.times, self.run = picture, times, run
-        self.moments: list[Moment] = []
-        self.converged: int | None = None
+        self.moments: list[Moment] = []  # at the iterations asked for
+        self.converged: int | None = None  # the iteration at which the paper's rule would have ended it, or None
         schedule, start = settings.fit.with_(iterations=times[-1]), pruned_to(count, settings)
         assert isinstance(schedule, FitSettings)
         assert schedule.convergence is not None  # the paper's settings have the rule

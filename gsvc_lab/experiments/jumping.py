@@ -33,67 +33,37 @@ WAYS: Final = {"without": "without GSA", "with": "with GSA"}
 
 @dataclass(frozen=True)
 class Size:
-    """The size of the experiment.
+    """The size of the experiment."""
 
-    Attributes
-    ----------
-    width, height
-        Size of the frame in pixels.
-    splats
-        Number of splats of the frame before the jump.
-    intra, inter
-        Iterations of that frame, and of the frames after the jump that are compared.
-    seeds
-        Seeds of random starts.
-    """
-
-    width: int
+    width: int  # Size of the frame in pixels
     height: int
-    splats: int
-    intra: int
+    splats: int  # number of splats of the frame before the jump
+    intra: int  # Iterations of that frame, and of the frames after the jump that are compared
     inter: tuple[int, ...]
-    seeds: tuple[int, ...]
+    seeds: tuple[int, ...]  # seeds of random starts
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """The outcome of a P-frame.
+    """The outcome of a P-frame."""
 
-    Attributes
-    ----------
-    case, way, iterations, seed
-        The case, the way, and the number of iterations and the seed of the fit.
-    psnr
-        PSNR in dB, against the frame with the circle on the right.
-    coverage, ghost
-        Fractions of the pixels inside the circle's new and old outline whose colour is nearer to the circle's than to
-        the background's.
-    splats, frame
-        The splats, and the decoded picture.
-    """
-
-    case: str
+    case: str  # The case, the way, and the number of iterations and the seed of the fit
     way: str
     iterations: int
     seed: int
-    psnr: float
+    psnr: float  # PSNR in dB, against the frame with the circle on the right
+    # Fractions of the pixels inside the circle's new and old outline whose colour is nearer to the
+    # circle's than to the background's
     coverage: float
     ghost: float
-    splats: Splats
+    splats: Splats  # The splats, and the decoded picture
     frame: Frame
 
 
 class Jump:
     """The two frames around the jump, and the circle in each.
 
-    Attributes
-    ----------
-    before, after
-        The frames as pictures to fit.
-    inside
-        The pixels of the circle in each, (2, H, W) bool.
-    center, radius
-        Place of the circle before the jump, in pixels.
+    `before` and `after`: the frames as pictures to fit.
     """
 
     def __init__(self, width: int, height: int, threads: int | None, *, black: bool) -> None:
@@ -101,8 +71,10 @@ class Jump:
         clip = Clip(replace(scene, base=Base(color=(0.0, 0.0, 0.0))) if black else scene)
         self.before, self.after = (Picture(clip.frame(number), threads) for number in (JUMP - 1, JUMP))
         masks = [truth(clip, number)["shape-1.mask"] for number in (JUMP - 1, JUMP)]
+        # The pixels of the circle in each, (2, H, W) bool
         self.inside = np.stack([mask > 0.5 for mask in masks])  # (2, H, W) bool
         rows, columns = np.nonzero(self.inside[0])
+        # Place of the circle before the jump, in pixels
         self.center = np.array([columns.mean() + 0.5, rows.mean() + 0.5])
         self.radius = float(np.sqrt(self.inside[0].sum() / np.pi))
         self.color = self._mean(self.before.samples, masks[0] == 1)  # its edge is mixed with the background

@@ -29,31 +29,17 @@ DROP: Final = 0.05
 
 @dataclass(frozen=True)
 class Plan:
-    """The size of the experiment.
+    """The size of the experiment."""
 
-    Attributes
-    ----------
-    size
-        Width and height that all clips are brought to; None: that of the first.
-    frames
-        Number of frames of each clip.
-    splats
-        N.
-    pretraining
-        Iterations of pre-training as in the paper, of each frame twice.
-    iterations, rate
-        Iterations of the fits of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
-    period
-        Frames from one periodic key frame to the next.
-    """
-
-    size: tuple[int, int] | None
-    frames: int
-    splats: int
-    pretraining: int
+    size: tuple[int, int] | None  # width and height that all clips are brought to; None: that of the first
+    frames: int  # number of frames of each clip
+    splats: int  # n
+    pretraining: int  # iterations of pre-training as in the paper, of each frame twice
+    # Iterations of the fits of preset `paper`: its 50,000 at 1e-3 shortened to these
+    # (`encodes.shortened`)
     iterations: int
     rate: float
-    period: int
+    period: int  # frames from one periodic key frame to the next
 
 
 SMALL: Final = Plan((96, 64), 20, 160, 500, 500, 2e-2, 15)

@@ -28,16 +28,8 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
     Sections of a document that is there already stay as they are where there is no record of their experiments; figures
     of the others that no section shows any more are removed.
 
-    Parameters
-    ----------
-    records
-        Records as `results.read_all` returns them.
-    folder
-        Folder of the figures.
-    target
-        Such as ``docs/experiments.md``.
-    say
-        Called with a sentence for each figure above LARGEST_FIGURE.
+    `records`: records as `results.read_all` returns them. `folder`: folder of the figures. `target`: such as
+    ``docs/experiments.md``. `say`: called with a sentence for each figure above LARGEST_FIGURE.
     """
     before = target.read_text(encoding="utf-8") if target.is_file() else ""
     figures = target.with_suffix("")
@@ -57,14 +49,8 @@ def write_document(records: Sequence[dict[str, Any]], folder: Path, target: Path
 def document(records: Sequence[dict[str, Any]], figures: str, before: str = "") -> str:
     """The text of the document.
 
-    Parameters
-    ----------
-    records
-        Records as `results.read_all` returns them.
-    figures
-        Name of the folder of the figures.
-    before
-        The document that there is; its sections stay, in their order, where no record replaces them.
+    `records`: records as `results.read_all` returns them. `figures`: name of the folder of the figures. `before`: the
+    document that there is; its sections stay, in their order, where no record replaces them.
     """
     rows = {found["title"]: found[0] for found in ROW.finditer(before)}
     sections = {part.split("\n", 1)[0]: f"## {part}".rstrip() for part in before.split("\n## ")[1:]}

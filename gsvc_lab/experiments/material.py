@@ -23,19 +23,11 @@ def given_clips(run: Run) -> list[Clip]:
 
 @dataclass(frozen=True)
 class Still:
-    """One picture to fit.
+    """One picture to fit."""
 
-    Attributes
-    ----------
-    name, about
-        Name and description, as of a clip.
-    frame
-        (H, W, 3) u1.
-    """
-
-    name: str
+    name: str  # Name and description, as of a clip
     about: str
-    frame: Frame
+    frame: Frame  # (H, W, 3) u1
 
     @property
     def size(self) -> tuple[int, int]:

@@ -38,26 +38,13 @@ SCENES: Final = ("static", "noise")
 
 @dataclass(frozen=True)
 class Plan:
-    """The size of the experiment.
+    """The size of the experiment."""
 
-    Attributes
-    ----------
-    size
-        Width and height.
-    frames
-        Number of frames of each clip.
-    splats
-        N at constant rate.
-    goals
-        PSNR in dB at constant quality.
-    iterations, rate
-        Iterations of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`).
-    """
-
-    size: tuple[int, int]
-    frames: int
-    splats: int
-    goals: tuple[float, ...]
+    size: tuple[int, int]  # width and height
+    frames: int  # number of frames of each clip
+    splats: int  # n at constant rate
+    goals: tuple[float, ...]  # PSNR in dB at constant quality
+    # Iterations of preset `paper`: its 50,000 at 1e-3 shortened to these (`encodes.shortened`)
     iterations: int
     rate: float
 

@@ -36,10 +36,7 @@ KEYS: Final[dict[str, type]] = {
 def record(experiment: Experiment, result: Result, run: Run, seconds: float) -> dict[str, Any]:
     """The record of a result, as JSON knows it.
 
-    Raises
-    ------
-    UsageError
-        It is not as `check` wants it.
+    A UsageError says that it is not as `check` wants it.
     """
     made: dict[str, Any] = to_json(
         {
@@ -74,10 +71,8 @@ def command_line(experiment: Experiment, run: Run) -> str:
 def check(made: Any, where: str) -> None:
     """Refuse what is no record.
 
-    Raises
-    ------
-    UsageError
-        A key is missing or of another type, a verdict is none, or a row of a table has not one cell for each column.
+    A UsageError says that a key is missing or of another type, a verdict is not one, or a row of a table has not
+    one cell for each column.
     """
     if not isinstance(made, dict) or made.get("format") != FORMAT:
         raise UsageError(f"{where} is not a result of format {FORMAT}; run the experiment again")
@@ -105,10 +100,7 @@ def write(made: dict[str, Any], folder: Path) -> Path:
 def read_all(folder: Path, names: Sequence[str]) -> list[dict[str, Any]]:
     """The records that a folder has, in the order of the names.
 
-    Raises
-    ------
-    UsageError
-        A file is no record.
+    A UsageError says that a file is not a record.
     """
     found = []
     for name in names:

@@ -29,24 +29,12 @@ NOTICED: Final = 0.05
 
 @dataclass(frozen=True)
 class Plan:
-    """The size of the experiment.
+    """The size of the experiment."""
 
-    Attributes
-    ----------
-    size
-        Width and height; None: those of each clip.
-    frames
-        Number of frames of each clip.
-    splats
-        N.
-    quick, paper
-        Iterations of an I-frame's fit, by preset.
-    """
-
-    size: tuple[int, int] | None
-    frames: int
-    splats: int
-    quick: tuple[int, ...]
+    size: tuple[int, int] | None  # width and height; None: those of each clip
+    frames: int  # number of frames of each clip
+    splats: int  # n
+    quick: tuple[int, ...]  # Iterations of an I-frame's fit, by preset
     paper: tuple[int, ...]
 
 

@@ -36,28 +36,14 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Point:
-    """A mark.
+    """A mark."""
 
-    Attributes
-    ----------
-    x, y
-        Place of the mark; on a logarithmic axis 0 stands at the lower end.
-    label
-        Text beside it where there is room, or nothing.
-    title
-        Text under the pointer.
-    filled
-        Whether the mark is full or hollow.
-    low, high
-        Ends of the spread along x, or None.
-    """
-
-    x: float
+    x: float  # Place of the mark; on a logarithmic axis 0 stands at the lower end
     y: float
-    label: str = ""
-    title: str = ""
-    filled: bool = True
-    low: float | None = None
+    label: str = ""  # text beside it where there is room, or nothing
+    title: str = ""  # text under the pointer
+    filled: bool = True  # whether the mark is full or hollow
+    low: float | None = None  # Ends of the spread along x, or None
     high: float | None = None
 
 
@@ -126,14 +112,8 @@ class Scale:
 def plot(series: Sequence[Series], x: Axis, y: Axis, label: str) -> str:
     """A chart of series as SVG, with a legend below.
 
-    Parameters
-    ----------
-    series
-        At least one point in all.
-    x, y
-        The axes.
-    label
-        Description of the chart for those who cannot see it.
+    `series`: at least one point in all. `x` and `y`: the axes. `label`: description of the chart for those who cannot
+    see it.
     """
     legend = "".join(
         f'<span><span class="swatch c{one.color}"></span>{html.escape(one.name)}</span>' for one in series if one.name

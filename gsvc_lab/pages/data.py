@@ -26,60 +26,29 @@ STATE_WORDS: Final = {"done": "done", "skipped": "left out", "off": "switched of
 
 @dataclass(frozen=True)
 class Choice:
-    """The decision about one effect of a frame.
+    """The decision about one effect of a frame."""
 
-    Attributes
-    ----------
-    effect
-        Its name.
-    state
-        ``done``, ``skipped`` (all or part of it was left out), or ``off``.
-    reason
-        Why.
-    """
-
-    effect: str
-    state: Literal["done", "skipped", "off"]
-    reason: str
+    effect: str  # its name
+    state: Literal["done", "skipped", "off"]  # ``done``, ``skipped`` (all or part of it was left out), or ``off``
+    reason: str  # why
 
 
 @dataclass(frozen=True)
 class FrameRecord:
-    """The cost of one frame, and its quality.
+    """The cost of one frame, and its quality."""
 
-    Attributes
-    ----------
-    number
-        Frame number from 0.
-    type
-        ``I`` (on its own), ``P`` (predicted) or ``R`` (repeat).
-    psnr
-        dB of the decoded frame; infinite when it is identical to the original, None when that is not known.
-    bits_by_attribute
-        Bits of the frame's unit in the file by what they describe, headers included.
-    splats
-        Splats that the frame is rendered from.
-    iterations
-        Optimisation steps spent on it, or None.
-    seconds
-        Wall time of its encoding, or None.
-    reason
-        Reason for the type of the frame; may be empty.
-    choices
-        Decisions about each effect; the same effects in the same order for all frames, or none.
-    through
-        The last frame, if the record is the mean of several, see `condensed`; None if it is not.
-    """
-
-    number: int
-    type: FrameType
+    number: int  # frame number from 0
+    type: FrameType  # ``I`` (on its own), ``P`` (predicted) or ``R`` (repeat)
+    # dB of the decoded frame; infinite when it is identical to the original, None when that is not known
     psnr: float | None
-    bits_by_attribute: Mapping[str, int]
-    splats: int
-    iterations: int | None = None
-    seconds: float | None = None
-    reason: str = ""
+    bits_by_attribute: Mapping[str, int]  # bits of the frame's unit in the file by what they describe, headers included
+    splats: int  # splats that the frame is rendered from
+    iterations: int | None = None  # optimisation steps spent on it, or None
+    seconds: float | None = None  # wall time of its encoding, or None
+    reason: str = ""  # reason for the type of the frame; may be empty
+    # Decisions about each effect; the same effects in the same order for all frames, or none
     choices: Sequence[Choice] = ()
+    # The last frame, if the record is the mean of several, see `condensed`; None if it is not
     through: int | None = None
 
     def __post_init__(self) -> None:
@@ -138,30 +107,16 @@ def _mean(frames: Sequence[FrameRecord]) -> FrameRecord:
 
 @dataclass(frozen=True, eq=False)
 class PictureRow:
-    """One frame to look at.
+    """One frame to look at."""
 
-    Attributes
-    ----------
-    number
-        Frame number from 0.
-    original, decoded
-        (H, W, 3) u1 or u2 frames of one size; `original` is None where it is not known.
-    positions
-        (N, 2) f4, centres of the decoded splats in pixels of these.
-    cholesky
-        (N, 3) f4, their (l11, l21, l22) in pixels; None draws no ellipses.
-    caption
-        Reason for showing this frame; may be empty.
-    detail
-        A part of the frame pixel for pixel, where the frame itself is shown smaller than it is; or None.
-    """
-
-    number: int
+    number: int  # frame number from 0
+    # original, decoded: (H, W, 3) u1 or u2 frames of one size; `original` is None where it is not known
     original: Frame | None
     decoded: Frame
-    positions: NDArray[np.float32]
-    cholesky: NDArray[np.float32] | None = None
-    caption: str = ""
+    positions: NDArray[np.float32]  # (N, 2) f4, centres of the decoded splats in pixels of these
+    cholesky: NDArray[np.float32] | None = None  # (N, 3) f4, their (l11, l21, l22) in pixels; None draws no ellipses
+    caption: str = ""  # reason for showing this frame; may be empty
+    # A part of the frame pixel for pixel, where the frame itself is shown smaller than it is; or None
     detail: "Detail | None" = None
 
     def __post_init__(self) -> None:
@@ -174,129 +129,61 @@ class PictureRow:
 
 @dataclass(frozen=True, eq=False)
 class Detail:
-    """A part of a frame, pixel for pixel.
+    """A part of a frame, pixel for pixel."""
 
-    Attributes
-    ----------
-    left, top
-        Its corner in the frame, in pixels.
-    original, decoded
-        (H, W, 3) u1 or u2; `original` is None where it is not known.
-    width, height
-        Size of the whole frame.
-    """
-
-    left: int
+    left: int  # Its corner in the frame, in pixels
     top: int
-    original: Frame | None
+    original: Frame | None  # original, decoded: (H, W, 3) u1 or u2; `original` is None where it is not known
     decoded: Frame
-    width: int
+    width: int  # Size of the whole frame
     height: int
 
 
 @dataclass(frozen=True)
 class Layer:
-    """One quality of a file with layers.
+    """One quality of a file with layers."""
 
-    Attributes
-    ----------
-    name
-        ``base``, ``layer 1``, ...
-    bits
-        Bits of all chunks of this layer.
-    splats
-        Least and most splats of a frame with it and all below it.
-    psnr
-        Mean PSNR of the frames decoded up to this layer in dB; None where it is not known.
-    """
-
-    name: str
-    bits: int
-    splats: tuple[int, int]
-    psnr: float | None = None
+    name: str  # ``base``, ``layer 1``,
+    bits: int  # bits of all chunks of this layer
+    splats: tuple[int, int]  # least and most splats of a frame with it and all below it
+    psnr: float | None = None  # mean PSNR of the frames decoded up to this layer in dB; None where it is not known
 
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """All that a report tells about one encoding.
+    """All that a report tells about one encoding."""
 
-    Attributes
-    ----------
-    title
-        Heading of the page.
-    command
-        The command line that made the file.
-    introduction
-        A paragraph on what was coded.
-    width, height
-        Size in pixels.
-    frame_rate
-        Frames per second.
-    bit_depth
-        Bits per sample.
-    preset
-        Name of the encoder's settings; empty where it is not known.
-    file_bytes
-        Size of the file.
-    bits_by_attribute
-        Every bit of the file by what it describes; adds up to 8 `file_bytes`.
-    stages
-        Seconds of wall time by what they were spent on, in order.
-    frames
-        One record per frame, in order.
-    ms_ssim, vmaf
-        Means over the frames, or None when they were not measured.
-    figures
-        More key numbers.
-    pictures
-        Frames to look at.
-    preview_original, preview_decoded
-        Equally many frames for the animation; none for no animation. Without an original only decoded ones.
-    preview_note
-        A sentence on what the animation leaves out; may be empty.
-    savings
-        A sentence on what the encoder left out; may be empty.
-    notes
-        Sentences that a reader must know.
-    environment
-        Names and values that describe the machine.
-    layers
-        The layers of the file from the base up; none of a file of one layer.
-    damage
-        Sentences on what is damaged; none of a sound file.
-    peers, peers_note
-        What other codecs need at equal PSNR, and sentences on how that was measured; None and empty without.
-    hint
-        Command lines to go on with.
-    """
-
-    title: str
-    command: str
-    introduction: str
-    width: int
+    title: str  # heading of the page
+    command: str  # the command line that made the file
+    introduction: str  # a paragraph on what was coded
+    width: int  # Size in pixels
     height: int
-    frame_rate: Fraction
-    bit_depth: int
-    preset: str
-    file_bytes: int
-    bits_by_attribute: Mapping[str, int]
-    stages: Mapping[str, float]
-    frames: Sequence[FrameRecord]
-    ms_ssim: float | None = None
+    frame_rate: Fraction  # frames per second
+    bit_depth: int  # bits per sample
+    preset: str  # name of the encoder's settings; empty where it is not known
+    file_bytes: int  # size of the file
+    bits_by_attribute: Mapping[str, int]  # every bit of the file by what it describes; adds up to 8 `file_bytes`
+    stages: Mapping[str, float]  # seconds of wall time by what they were spent on, in order
+    frames: Sequence[FrameRecord]  # one record per frame, in order
+    ms_ssim: float | None = None  # Means over the frames, or None when they were not measured
     vmaf: float | None = None
-    figures: Sequence[Figure] = ()
-    pictures: Sequence[PictureRow] = ()
+    figures: Sequence[Figure] = ()  # more key numbers
+    pictures: Sequence[PictureRow] = ()  # frames to look at
+    # Equally many frames for the animation; none for no animation. Without an
+    # original only decoded ones.
     preview_original: Sequence[Frame] = ()
     preview_decoded: Sequence[Frame] = ()
-    savings: str = ""
-    notes: Sequence[str] = ()
-    environment: Mapping[str, str] = field(default_factory=dict)
-    preview_note: str = ""
-    layers: Sequence[Layer] = ()
-    damage: Sequence[str] = ()
+    savings: str = ""  # a sentence on what the encoder left out; may be empty
+    notes: Sequence[str] = ()  # sentences that a reader must know
+    environment: Mapping[str, str] = field(default_factory=dict)  # names and values that describe the machine
+    preview_note: str = ""  # a sentence on what the animation leaves out; may be empty
+    layers: Sequence[Layer] = ()  # the layers of the file from the base up; none of a file of one layer
+    damage: Sequence[str] = ()  # sentences on what is damaged; none of a sound file
+    # What other codecs need at equal PSNR, and sentences on how that was measured; None and empty
+    # without
     peers: Table | None = None
     peers_note: str = ""
-    hint: Sequence[str] = ()
+    hint: Sequence[str] = ()  # command lines to go on with
 
     def __post_init__(self) -> None:
         if not self.frames:

@@ -40,48 +40,26 @@ def to_eight_bits(frame: Frame, peak: int) -> U1:
 def difference_picture(original: Frame, decoded: Frame, peak: int = 255, gain: int = DIFFERENCE_GAIN) -> U1:
     """128 + gain * (decoded - original) in steps of 8 bits, clipped, as (H, W, 3) u1: mid-grey where nothing differs.
 
-    Parameters
-    ----------
-    original, decoded
-        (H, W, 3) u1 or u2 frames of one size.
-    peak
-        Their largest sample value.
-    gain
-        The amplification.
+    `original` and `decoded`: (H, W, 3) u1 or u2 frames of one size. `peak`: their largest sample value. `gain`: the
+    amplification.
     """
     difference = (decoded.astype(np.float64) - original.astype(np.float64)) * (255 / peak)
     return np.clip(np.rint(128 + gain * difference), 0, 255).astype(np.uint8)
 
 
 def splat_centres_picture(
-    frame: Frame,
-    positions: NDArray[np.floating[Any]],
+    frame: Frame,  # (H, W, 3) u1 or u2, the ghost in the background
+    positions: NDArray[np.floating[Any]],  # (N, 2) centres in pixels; those outside the frame are not drawn
+    # (N, 3) factors (l11, l21, l22) in pixels; None draws no outlines
     cholesky: NDArray[np.floating[Any]] | None = None,
     *,
-    peak: int = 255,
-    scale: int = 4,
-    ellipses: int = _ELLIPSES,
+    peak: int = 255,  # largest sample value of the frame
+    scale: int = 4,  # size of the picture as a multiple of the frame's
+    ellipses: int = _ELLIPSES,  # number of outlines (one standard deviation) to draw, at evenly spaced ranks of size
 ) -> U1:
     """Places of the splats: a dot per centre over the paled frame, and the outline of a few; figure 3 of the paper.
 
-    Parameters
-    ----------
-    frame
-        (H, W, 3) u1 or u2, the ghost in the background.
-    positions
-        (N, 2) centres in pixels; those outside the frame are not drawn.
-    cholesky
-        (N, 3) factors (l11, l21, l22) in pixels; None draws no outlines.
-    peak
-        Largest sample value of the frame.
-    scale
-        Size of the picture as a multiple of the frame's.
-    ellipses
-        Number of outlines (one standard deviation) to draw, at evenly spaced ranks of size.
-
-    Returns
-    -------
-    (scale H, scale W, 3) u1
+    Returns (scale H, scale W, 3) u1.
     """
     height, width = frame.shape[:2]
     grey = Image.fromarray(to_eight_bits(frame, peak)).convert("L")

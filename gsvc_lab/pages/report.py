@@ -25,10 +25,7 @@ _TYPE_NAMES = {"I": "I, on its own", "P": "P, predicted from the frame before", 
 def write_report(data: ReportData, path: str | Path) -> None:
     """Write the report as one HTML file that needs nothing else: no network, no scripts.
 
-    Raises
-    ------
-    OSError
-        The file cannot be written.
+    An OSError says that the file cannot be written.
     """
     write_text(report_html(data), path)
 

@@ -29,41 +29,20 @@ MAX_KEYS: Final = 2
 
 @dataclass(frozen=True)
 class Wanted:
-    """A page to make.
+    """A page to make."""
 
-    Attributes
-    ----------
-    file
-        The `.gsvc` file.
-    source
-        Anything that `open_video` reads, or None.
-    start
-        The frame of the source that frame 0 of the file shows.
-    encoded
-        The report of the encode, where that is known.
-    command
-        The command line to show.
-    title, introduction
-        Heading and a paragraph; empty: made from the names.
-    seconds
-        Wall time of steps that are no part of the encode, in order; the encode's own come in place of ``encode``.
-    vmaf, x264
-        Whether to measure these.
-    threads
-        Threads to compute with; None: all.
-    """
-
-    file: Path
-    source: str | None = None
-    start: int = 0
-    encoded: EncodeReport | None = None
-    command: str = ""
-    title: str = ""
+    file: Path  # the `.gsvc` file
+    source: str | None = None  # anything that `open_video` reads, or None
+    start: int = 0  # the frame of the source that frame 0 of the file shows
+    encoded: EncodeReport | None = None  # the report of the encode, where that is known
+    command: str = ""  # the command line to show
+    title: str = ""  # Heading and a paragraph; empty: made from the names
     introduction: str = ""
+    # Wall time of steps that are no part of the encode, in order; the encode's own come in place of ``encode``
     seconds: Mapping[str, float] | None = None
-    vmaf: bool = True
+    vmaf: bool = True  # vmaf, x264: Whether to measure these
     x264: bool = True
-    threads: int | None = None
+    threads: int | None = None  # threads to compute with; None: all
 
 
 def summarise(file: Path) -> StreamSummary:
@@ -88,10 +67,7 @@ def damage_of(summary: StreamSummary) -> list[str]:
 def check_source(summary: StreamSummary, side: Side, start: int) -> None:
     """Refuse a source that is no video of the file's size and depth, or has no frame `start`.
 
-    Raises
-    ------
-    UsageError
-        It is not.
+    A UsageError says that it is not.
     """
     header, video = summary.header, side.format
     ours, theirs = (header.width, header.height, header.bit_depth), (video.width, video.height, video.bit_depth)
@@ -109,12 +85,8 @@ def report_data(
 ) -> ReportData:
     """Measure everything for `gsvc_lab.pages.report`.
 
-    Raises
-    ------
-    UsageError
-        The source does not fit the file, or the file has no frame.
-    GsvcError
-        The source cannot be read.
+    A UsageError says that the source does not fit the file, or the file has no frame. A GsvcError says that the source
+    cannot be read.
     """
     summary = summarise(wanted.file) if summary is None else summary
     if not summary.frames:

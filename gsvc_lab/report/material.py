@@ -30,30 +30,18 @@ WORST: Final = "the frame with the lowest PSNR"
 
 @dataclass
 class Material:
-    """What one pass found.
+    """What one pass found."""
 
-    Attributes
-    ----------
-    numbers
-        The numbers of the frames that were decoded, in their order.
-    levels
-        PSNR in dB of those that have a counterpart in the source, by their number.
-    comparison
-        The scores; None without a source.
-    pictures
-        Frames to look at, by their numbers.
-    preview_original, preview_decoded
-        The first frames, made smaller if they are large; no original ones without a source.
-    layers
-        Mean PSNR with the base, with layer 1, ..., in dB; empty without a source or layers.
-    """
-
-    numbers: list[int] = field(default_factory=list)
+    numbers: list[int] = field(default_factory=list)  # the numbers of the frames that were decoded, in their order
+    # PSNR in dB of those that have a counterpart in the source, by their number
     levels: dict[int, float] = field(default_factory=dict)
-    comparison: Comparison | None = None
-    pictures: list[PictureRow] = field(default_factory=list)
+    comparison: Comparison | None = None  # the scores; None without a source
+    pictures: list[PictureRow] = field(default_factory=list)  # frames to look at, by their numbers
+    # The first frames, made smaller if they are large; no original ones without a
+    # source
     preview_original: list[Frame] = field(default_factory=list)
     preview_decoded: list[Frame] = field(default_factory=list)
+    # Mean PSNR with the base, with layer 1, ..., in dB; empty without a source or layers
     layers: list[float] = field(default_factory=list)
 
 
@@ -62,36 +50,20 @@ OnFrame = Callable[[int], None]
 
 
 def gather(
-    path: Path,
+    path: Path,  # the `.gsvc` file
+    # The numbers of the frames to look at, with the reason; with a source the worst frame is added
     captions: Mapping[int, str],
+    # The frames of the source from that of frame 0 on, of the file's size and depth; None without
     source: Iterator[Frame] | None = None,
     *,
-    damaged: bool = False,
-    with_vmaf: bool = True,
+    damaged: bool = False,  # whether to salvage what is left of the file
+    with_vmaf: bool = True,  # As of `compare_frames` and `gsvc_ref.render`
     threads: int | None = None,
-    on_frame: OnFrame = lambda count: None,
+    on_frame: OnFrame = lambda count: None,  # called after each frame
 ) -> Material:
     """Decode a file once, beside its source.
 
-    Parameters
-    ----------
-    path
-        The `.gsvc` file.
-    captions
-        The numbers of the frames to look at, with the reason; with a source the worst frame is added.
-    source
-        The frames of the source from that of frame 0 on, of the file's size and depth; None without.
-    damaged
-        Whether to salvage what is left of the file.
-    with_vmaf, threads
-        As of `compare_frames` and `gsvc_ref.render`.
-    on_frame
-        Called after each frame.
-
-    Raises
-    ------
-    GsvcError
-        The sizes differ, or the file is damaged although `damaged` is False.
+    A GsvcError says that the sizes differ, or the file is damaged although `damaged` is False.
     """
     with ExitStack() as stack:
         stream = stack.enter_context(gsvc_ref.open(path))

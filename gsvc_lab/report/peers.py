@@ -27,26 +27,14 @@ class Against:
 
 
 def against_x264(
-    source: str,
+    source: str,  # The source, and the frame of it that frame 0 shows
     start: int,
-    header: SequenceHeader,
-    bits: Mapping[int, int],
+    header: SequenceHeader,  # the header of the file
+    bits: Mapping[int, int],  # Bits and PSNR in dB of its frames, by their numbers
     levels: Mapping[int, float],
-    on_step: OnStep,
+    on_step: OnStep,  # called before each encode
 ) -> Against:
-    """What x264 needs at the PSNR of the first frames of a file.
-
-    Parameters
-    ----------
-    source, start
-        The source, and the frame of it that frame 0 shows.
-    header
-        The header of the file.
-    bits, levels
-        Bits and PSNR in dB of its frames, by their numbers.
-    on_step
-        Called before each encode.
-    """
+    """What x264 needs at the PSNR of the first frames of a file."""
     frames = sample_frames(header.width, header.height, len(bits))
     if missing := _why_not(source, header, frames, levels):
         return Against(missing=missing)

@@ -37,22 +37,13 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True)
 class Peer:
-    """A coder at the PSNR of the file.
+    """A coder at the PSNR of the file."""
 
-    Attributes
-    ----------
-    name
-        Its name with its variant.
-    bits
-        Bits for all frames, between those of the two settings on both sides in the logarithm; None if it does not come
-        to that PSNR.
-    settings
-        These two settings with their PSNR, in words.
-    """
-
-    name: str
+    name: str  # its name with its variant
+    # Bits for all frames, between those of the two settings on both sides in the logarithm; None if it does not come to
+    # that PSNR
     bits: float | None
-    settings: str
+    settings: str  # these two settings with their PSNR, in words
 
 
 def sample_frames(width: int, height: int, count: int) -> int:
@@ -64,23 +55,9 @@ def sample_frames(width: int, height: int, count: int) -> int:
 def x264_at(source: str, start: int, frames: int, goal: float, say: Say) -> tuple[list[Peer], str]:
     """Bits of x264 for frames of a source at a PSNR, and a sentence on the planes that it got.
 
-    Parameters
-    ----------
-    source
-        Anything that `open_video` reads, of 8 bits.
-    start, frames
-        The first frame, and how many.
-    goal
-        Mean PSNR of R'G'B' in dB that it has to reach.
-    say
-        Called with what is done.
-
-    Raises
-    ------
-    FfmpegError
-        There is no ffmpeg, or it fails.
-    UsageError, GsvcError
-        The source cannot be read again, or has fewer frames.
+    `source`: anything that `open_video` reads, of 8 bits. `start` and `frames`: the first frame, and how many. `goal`:
+    mean PSNR of R'G'B' in dB that it has to reach. `say`: called with what is done. An FfmpegError says that there is
+    no ffmpeg, or it fails. A UsageError or GsvcError says that the source cannot be read again, or has fewer frames.
     """
     with tempfile.TemporaryDirectory(prefix="gsvc-report-") as name:
         folder = Path(name)

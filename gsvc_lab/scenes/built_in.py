@@ -22,10 +22,7 @@ def scene_names() -> tuple[str, ...]:
 def scene_text(name: str) -> str:
     """The description of a built-in scene as it stands in its file.
 
-    Raises
-    ------
-    UsageError
-        There is none of that name.
+    A UsageError says that there is none of that name.
     """
     from importlib.resources import files
 

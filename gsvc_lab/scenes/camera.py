@@ -75,17 +75,8 @@ class Sizes:
 class View:
     """A picture to look at again and again: what depends on the span alone is computed once while it stays the same.
 
-    Parameters
-    ----------
-    picture
-        (H, W, 3) f4, 1.0 = full scale.
-    width, height
-        Size of the frame in pixels.
-
-    Raises
-    ------
-    UsageError
-        The frame has no pixels.
+    `picture`: (H, W, 3) f4, 1.0 = full scale. `width` and `height`: size of the frame in pixels. A UsageError says that
+    the frame has no pixels.
     """
 
     def __init__(self, picture: F4, width: int, height: int) -> None:
@@ -103,12 +94,8 @@ class View:
         The picture is low-passed to the frame's resolution by a Gaussian, then read with cubic splines. The same array
         again for the same camera, so it must not be changed.
 
-        Parameters
-        ----------
-        camera
-            Place of the camera.
-        displacement
-            Distances right and below of itself at which each pixel reads, in frame pixels, (height, width) f8 each.
+        `camera`: place of the camera. `displacement`: distances right and below of itself at which each pixel reads, in
+        frame pixels, (height, width) f8 each.
         """
         if displacement is None and self._seen is not None and self._seen[0] == camera:
             return self._seen[1]

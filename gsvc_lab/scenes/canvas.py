@@ -9,19 +9,11 @@ from gsvc_base.arrays import F8
 
 @dataclass(frozen=True)
 class Canvas:
-    """The clip that effects are part of, as far as they may know it.
+    """The clip that effects are part of, as far as they may know it."""
 
-    Attributes
-    ----------
-    width, height
-        Size of a frame in pixels.
-    frames
-        Number of frames.
-    """
-
-    width: int
+    width: int  # Size of a frame in pixels
     height: int
-    frames: int
+    frames: int  # number of frames
 
     @property
     def shorter(self) -> int:

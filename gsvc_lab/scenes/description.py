@@ -81,40 +81,21 @@ def _effect(item: object, number: int) -> Effect:
 class Description(Checked):
     """The description of a synthetic clip; the same description gives the same bytes.
 
-    Attributes
-    ----------
-    title
-        One sentence about what is to be seen.
-    width, height
-        Size of a frame in pixels; at most `MAX_PIXELS` in all.
-    frames
-        Number of frames.
-    frame_rate
-        Frames per second.
-    seed
-        Seed of all that is random.
-    base
-        The base picture, before any effect.
-    effects
-        Effects that change it; at most one shutter effect among them.
-    folder
-        Folder in which relative paths of images begin; None for the current one.
-
-    Raises
-    ------
-    UsageError
-        A value is out of range, there are two shutters, or an image file is missing.
+    A UsageError says that a value is out of range, there are two shutters, or an image file is missing.
     """
 
-    title: str = parameter(text(200), "one sentence about what is to be seen")
+    title: str = parameter(text(200), "one sentence about what is to be seen")  # one sentence about what is to be seen
+    # Size of a frame in pixels; at most `MAX_PIXELS` in all
     width: int = parameter(whole(1, MAX_SIDE), "of a frame in pixels")
     height: int = parameter(whole(1, MAX_SIDE), "of a frame in pixels")
-    frames: int = parameter(whole(1, MAX_FRAMES), "how many frames")
-    frame_rate: Fraction = parameter(_frame_rate(), "frames per second", Fraction(24))
-    seed: int = parameter(whole(0, 2**63 - 1), "of all that is random", 0)
+    frames: int = parameter(whole(1, MAX_FRAMES), "how many frames")  # number of frames
+    frame_rate: Fraction = parameter(_frame_rate(), "frames per second", Fraction(24))  # frames per second
+    seed: int = parameter(whole(0, 2**63 - 1), "of all that is random", 0)  # seed of all that is random
+    # The base picture, before any effect
     base: Base = parameter(table(Base), "what is seen before any effect, by exactly one of its keys")
+    # Effects that change it; at most one shutter effect among them
     effects: tuple[Effect, ...] = parameter(_effects(), "what happens to it", ())
-    folder: Path | None = None
+    folder: Path | None = None  # folder in which relative paths of images begin; None for the current one
 
     def __post_init__(self) -> None:
         super().__post_init__()

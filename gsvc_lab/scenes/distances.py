@@ -41,12 +41,8 @@ def inside(distance: F8) -> F8:
 def segment_distance(x: F8, y: F8, ends: Sequence[tuple[float, float]]) -> F8:
     """Distance of points to a line of straight pieces, as an f8 array.
 
-    Parameters
-    ----------
-    x, y
-        f8 arrays of shapes that go together.
-    ends
-        The corners of the line; a single one, or two equal ones, is a point.
+    `x` and `y`: f8 arrays of shapes that go together. `ends`: the corners of the line; a single one, or two equal ones,
+    is a point.
     """
     nearest = np.full(np.broadcast_shapes(x.shape, y.shape), np.inf)
     for (ax, ay), (bx, by) in zip(ends, ends[1:] or ends, strict=False):
@@ -59,12 +55,7 @@ def segment_distance(x: F8, y: F8, ends: Sequence[tuple[float, float]]) -> F8:
 def polygon_distance(x: F8, y: F8, corners: F8) -> F8:
     """Distance of points to a closed polygon, negative inside (by the even-odd rule), as an f8 array.
 
-    Parameters
-    ----------
-    x, y
-        f8 arrays of shapes that go together.
-    corners
-        (N, 2) f8, in order; at least three.
+    `x` and `y`: f8 arrays of shapes that go together. `corners`: (N, 2) f8, in order; at least three.
     """
     within = np.zeros(np.broadcast_shapes(x.shape, y.shape), bool)
     points = [(float(cx), float(cy)) for cx, cy in corners]

@@ -25,6 +25,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from reprlib import repr as short
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -44,18 +45,10 @@ Stage = Literal["camera", "warp", "transition", "object", "light", "shutter", "s
 
 @dataclass(frozen=True)
 class Effect(Checked, ABC):
-    """Any effect; its fields are declared by `gsvc_lab.scenes.parameters.parameter`.
+    """Any effect; its fields are declared by `gsvc_lab.scenes.parameters.parameter`."""
 
-    Attributes
-    ----------
-    SUMMARY
-        One sentence for the gallery.
-    STAGE
-        Stage at which it takes part.
-    """
-
-    SUMMARY: ClassVar[str] = ""
-    STAGE: ClassVar[Stage]
+    SUMMARY: ClassVar[str] = ""  # one sentence for the gallery
+    STAGE: ClassVar[Stage]  # stage at which it takes part
 
     def prepare(self, canvas: Canvas, rng: Callable[[], Draws]) -> Self:
         """The effect, ready for a clip; `rng()` makes its generator, for those that draw something once."""
@@ -171,7 +164,7 @@ def effect_class(kind: str) -> type[Effect]:
         There is no such effect.
     """
     if kind not in EFFECTS:
-        raise UsageError(f"there is no effect {kind!r}; there are {', '.join(EFFECTS)}")
+        raise UsageError(f"there is no effect {short(kind)}; there are {', '.join(EFFECTS)}")
     module = import_module(f"gsvc_lab.scenes.effects.{kind.replace('-', '_')}")
     effect: type[Effect] = module.EFFECT
     return effect

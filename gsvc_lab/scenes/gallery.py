@@ -53,17 +53,8 @@ _MOTION: Final = (
 def write_gallery(path: str | Path, on_progress: Progress = lambda text, done, total: None) -> None:
     """Write the gallery as one HTML file that needs nothing else: no network, no scripts.
 
-    Parameters
-    ----------
-    path
-        The file.
-    on_progress
-        Called with what is drawn next, how many scenes are done, and how many there are.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
+    `path`: the file. `on_progress`: called with what is drawn next, how many scenes are done, and how many there are.
+    An OSError says that the file cannot be written.
     """
     scenes = gallery_scenes()
     thumbs, sections = [], []

@@ -23,12 +23,7 @@ _STILL: Final = 1e-6  # pixels; what is less is rounding
 def telling_frames(clip: Sequence[U1], count: int) -> list[int]:
     """The numbers of frames to show: evenly spaced, but for one that they would miss, such as a flash.
 
-    Parameters
-    ----------
-    clip
-        (H, W, 3) u1 frames.
-    count
-        Number of frames to choose, at least 3; of a shorter clip all.
+    `clip`: (H, W, 3) u1 frames. `count`: number of frames to choose, at least 3; of a shorter clip all.
     """
     small = [_shrunk(frame) for frame in clip]
     chosen = sorted({round(number) for number in np.linspace(0, len(clip) - 1, count)})
@@ -64,10 +59,7 @@ def truth_picture(known: dict[str, Any]) -> U1:
     The hue is the direction of the motion, its strength the speed, full at the fastest of the frame; white stands
     still. What was not to be seen before is nearly black, and grey what has no known motion.
 
-    Parameters
-    ----------
-    known
-        Ground truth of a frame, as `gsvc_lab.scenes.ground_truth` gives it.
+    `known`: ground truth of a frame, as `gsvc_lab.scenes.ground_truth` gives it.
     """
     right, below = np.asarray(known["motion"], np.float64)
     known_motion = np.isfinite(right) & np.isfinite(below)

@@ -152,10 +152,7 @@ def _grid(clip: Clip) -> tuple[F8, F8]:
 def check_truth_size(scene: Description) -> None:
     """Refuse a scene of which too much is known to write it.
 
-    Raises
-    ------
-    UsageError
-        It would take more than `MAX_TRUTH_BYTES`.
+    A UsageError says that it would take more than `MAX_TRUTH_BYTES`.
     """
     arrays = [np.asarray(value) for value in truth(scene.resized(width=1, height=1), 0).values()]
     fields = sum(array.nbytes for array in arrays if array.shape[-2:] == (1, 1))  # bytes of each pixel
@@ -173,25 +170,9 @@ def write_truth(
 ) -> list[str]:
     """Write what is known about all frames of a scene as one NPZ file, which stands under its name once it is complete.
 
-    Parameters
-    ----------
-    scene
-        The scene.
-    path
-        The file.
-    on_frame
-        Called with the number of each frame before it is looked at.
-
-    Returns
-    -------
-    The keys in the file.
-
-    Raises
-    ------
-    UsageError
-        See `check_truth_size`.
-    FileNotFoundError
-        The folder of the file does not exist.
+    `scene`: the scene. `path`: the file. `on_frame`: called with the number of each frame before it is looked at.
+    Returns the keys in the file. `check_truth_size` raises a UsageError. A FileNotFoundError says that the
+    folder of the file does not exist.
     """
     check_parent(Path(path))
     check_truth_size(scene)

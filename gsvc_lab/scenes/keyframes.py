@@ -35,17 +35,8 @@ def frames() -> Rule:
 def check_keys(at: Sequence[float], **values: Sequence[Any]) -> None:
     """Refuse values over time that don't fit together.
 
-    Parameters
-    ----------
-    at
-        Frames of the values; empty for evenly spaced ones over the clip.
-    **values
-        Each has one value for all frames or one for each of `at`.
-
-    Raises
-    ------
-    ParameterError
-        The frames don't grow, or a number of values is wrong.
+    `at`: frames of the values; empty for evenly spaced ones over the clip. `**values`: each has one value for all
+    frames or one for each of `at`. A ParameterError says that the frames don't grow, or a number of values is wrong.
     """
     if any(after <= before for before, after in pairwise(at)):
         raise ParameterError("at", f"is {list(at)}; each frame must be greater than the one before")
@@ -61,20 +52,10 @@ def key_before(
 ) -> tuple[int, float]:
     """The one of `count` keys that a moment follows, and the part of the way to the next, 0 to 1.
 
-    Parameters
-    ----------
-    at
-        Frames of the keys; empty for evenly spaced ones from the clip's first frame to its last.
-    count
-        Number of keys.
-    canvas
-        The clip.
-    time
-        The moment in frames.
-    pace
-        ``jump`` stays at a key until the frame of the next, ``gentle`` is slow at both ends, all others are even.
-    repeat
-        Whether all starts again where the last key would be.
+    `at`: frames of the keys; empty for evenly spaced ones from the clip's first frame to its last. `count`: number of
+    keys. `canvas`: the clip. `time`: the moment in frames. `pace`: ``jump`` stays at a key until the frame of the next,
+    ``gentle`` is slow at both ends, all others are even. `repeat`: whether all starts again where the last key would
+    be.
     """
     if count == 1:
         return 0, 0.0

@@ -25,31 +25,16 @@ class Pose:
     """The pose of a shape in the frame.
 
     Its own coordinates are those of the circle or square that it was before it got its size, bulges, turn and place.
-
-    Attributes
-    ----------
-    x, y
-        Its centre in pixels.
-    a, b
-        Half its width and height in pixels; positive.
-    angle
-        Rotation in radians, clockwise as seen.
-    wobble
-        Height of the bulges of its outline, as a part of the distance from the centre.
-    waves
-        Number of bulges around it.
-    phase
-        Phase of the bulges in radians.
     """
 
-    x: float
+    x: float  # Its centre in pixels
     y: float
-    a: float
+    a: float  # Half its width and height in pixels; positive
     b: float
-    angle: float = 0.0
-    wobble: float = 0.0
-    waves: int = 3
-    phase: float = 0.0
+    angle: float = 0.0  # rotation in radians, clockwise as seen
+    wobble: float = 0.0  # height of the bulges of its outline, as a part of the distance from the centre
+    waves: int = 3  # number of bulges around it
+    phase: float = 0.0  # phase of the bulges in radians
 
     def bulge(self, theta: F8) -> F8:
         """The factor by which bulges move points away from the centre, by their direction in own coordinates."""

@@ -42,21 +42,11 @@ class ParameterError(UsageError):
 
 @dataclass(frozen=True)
 class Rule:
-    """The values that a parameter may have.
+    """The values that a parameter may have."""
 
-    Attributes
-    ----------
-    allowed
-        The allowed values in words: "a number from 0 to 1".
-    take
-        Gives the value as it is kept; raises ValueError for what is not allowed.
-    is_frame
-        Whether it is the number of a frame that the clip must have, or a tuple of such.
-    """
-
-    allowed: str
-    take: Callable[[Any], Any]
-    is_frame: bool = False
+    allowed: str  # the allowed values in words: "a number from 0 to 1"
+    take: Callable[[Any], Any]  # gives the value as it is kept; raises ValueError for what is not allowed
+    is_frame: bool = False  # whether it is the number of a frame that the clip must have, or a tuple of such
 
 
 def parameter(rule: Rule, meaning: str, default: Any = MISSING) -> Any:
@@ -74,10 +64,7 @@ def key_of(item: "Field[Any]") -> str:
 class Checked:
     """A frozen dataclass whose parameters are checked when it is made.
 
-    Raises
-    ------
-    ParameterError
-        A value is not allowed; for `from_table` also a key that is unknown or missing.
+    A ParameterError says that a value is not allowed; for `from_table` also a key that is unknown or missing.
     """
 
     def __post_init__(self) -> None:

@@ -27,16 +27,8 @@ def gentle(share: float) -> float:
 def progress(time: float, start: int, end: int | None, frames: int, pace: str = "even") -> float:
     """The part of a change that is done: 0 up to frame `start`, 1 from frame `end` on (None: the last of the clip).
 
-    Parameters
-    ----------
-    time
-        Time in frames.
-    start, end
-        Numbers of frames.
-    frames
-        Number of frames of the clip.
-    pace
-        One of `PACES`.
+    `time`: time in frames. `start` and `end`: numbers of frames. `frames`: number of frames of the clip. `pace`: one of
+    `PACES`.
     """
     last = max(frames - 1, start + 1) if end is None else end
     share = min(max((time - start) / (last - start), 0.0), 1.0)
@@ -46,10 +38,7 @@ def progress(time: float, start: int, end: int | None, frames: int, pace: str = 
 def check_order(start: int, end: int | None) -> None:
     """Refuse an end that is not after the start.
 
-    Raises
-    ------
-    ParameterError
-        It says both.
+    A ParameterError says that it says both.
     """
     if end is not None and end <= start:
         raise ParameterError("end", f"is {end}; it must be after start, which is {start}")

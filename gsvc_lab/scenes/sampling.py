@@ -80,16 +80,8 @@ def _filtered(lines: F8) -> F8:
 def read_grid(coefficients: F8, rows: F8, columns: F8) -> F8:
     """The values of cubic splines where each of some rows meets each of some columns.
 
-    Parameters
-    ----------
-    coefficients
-        (P, Q, ...) f8, as `spline_coefficients` finds them.
-    rows, columns
-        (H,) and (W,) f8, counted from the first coefficient.
-
-    Returns
-    -------
-    (H, W, ...) f8.
+    `coefficients`: (P, Q, ...) f8, as `spline_coefficients` finds them. `rows` and `columns`: (H,) and (W,) f8, counted
+    from the first coefficient. Returns (H, W, ...) f8.
     """
     some = np.zeros((len(rows), *coefficients.shape[1:]))
     for index, weight in _taps(rows, coefficients.shape[0]):

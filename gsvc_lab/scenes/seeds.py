@@ -8,13 +8,7 @@ from gsvc_base.draws import Draws
 def generator(seed: int, name: str, *numbers: int) -> Draws:
     """The generator of a part of a scene.
 
-    Parameters
-    ----------
-    seed
-        Seed of the scene.
-    name
-        Name of the part, such as the kind of an effect.
-    numbers
-        Numbers that tell parts apart, such as that of a frame; 0 or more each.
+    `seed`: seed of the scene. `name`: name of the part, such as the kind of an effect. `numbers`: numbers that tell
+    parts apart, such as that of a frame; 0 or more each.
     """
     return Draws([seed, crc32(name.encode()), *numbers])

@@ -89,10 +89,7 @@ CHARACTERS: Final = "".join(_GLYPHS)
 def check_text(text: str) -> None:
     """Refuse characters that have no strokes.
 
-    Raises
-    ------
-    UsageError
-        Names them and those that there are.
+    A UsageError names them, and those that there are.
     """
     if unknown := sorted(set(text.upper()) - set(_GLYPHS)):
         raise UsageError(
@@ -103,12 +100,7 @@ def check_text(text: str) -> None:
 def text_width(text: str, weight: float) -> float:
     """Width from the left edge of the first stroke to the right edge of the last, in heights of a capital.
 
-    Parameters
-    ----------
-    text
-        Checked.
-    weight
-        Thickness of the strokes in heights of a capital.
+    `text`: checked. `weight`: thickness of the strokes in heights of a capital.
     """
     letters = text.upper()
     steps = sum(_GLYPHS[letter][0] for letter in letters) + _GAP * (len(letters) - 1)
@@ -120,18 +112,9 @@ def text_distance(x: F8, y: F8, text: str, left: float, top: float, height: floa
 
     Farther away than half a capital's height, and than a pixel, it is only known to be that far.
 
-    Parameters
-    ----------
-    x, y
-        (H, W) f8 places in pixels, any.
-    text
-        Checked.
-    left, top
-        Size of the text with its strokes, in pixels.
-    height
-        Height of a capital with its strokes, in pixels.
-    weight
-        Thickness of the strokes as a part of that.
+    `x` and `y`: (H, W) f8 places in pixels, any. `text`: checked. `left` and `top`: size of the text with its strokes,
+    in pixels. `height`: height of a capital with its strokes, in pixels. `weight`: thickness of the strokes as a part
+    of that.
     """
     half = 0.5 * weight * height
     step = (height - 2 * half) / _STEPS

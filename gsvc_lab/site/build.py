@@ -93,16 +93,10 @@ def built(root: Path) -> tuple[int, dict[str, bytes]]:
 
 
 class Site:
-    """The pages, made from a checkout.
-
-    Parameters
-    ----------
-    root
-        The checkout.
-    """
+    """The pages, made from a checkout."""
 
     def __init__(self, root: Path) -> None:
-        self.root = root
+        self.root = root  # the checkout
         self.parts = parts_of((root / "spec.md").read_text(encoding="utf-8"))
         self.targets = targets_of(self.parts)
         self.syntax = [part for part in self.parts if part.name in SYNTAX]

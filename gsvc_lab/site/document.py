@@ -17,24 +17,12 @@ SYNTAX: Final = ("6", "15")
 
 @dataclass(frozen=True)
 class Part:
-    """A section or an annex: a page.
+    """A section or an annex: a page."""
 
-    Attributes
-    ----------
-    name
-        ``6`` or ``Annex A``; empty for what stands before the first section.
-    title
-        Its heading.
-    page
-        File name of its page.
-    text
-        Its Markdown, with the heading.
-    """
-
-    name: str
-    title: str
-    page: str
-    text: str
+    name: str  # ``6`` or ``Annex A``; empty for what stands before the first section
+    title: str  # its heading
+    page: str  # file name of its page
+    text: str  # its Markdown, with the heading
 
     @property
     def headings(self) -> list[str]:

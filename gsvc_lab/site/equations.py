@@ -48,36 +48,19 @@ class NotCertainError(ValueError):
 
 @dataclass
 class Node:
-    """A part of an equation.
+    """A part of an equation."""
 
-    Attributes
-    ----------
-    kind
-        ``atom`` (can be multiplied or divided), ``operator`` or ``text``.
-    xml
-        As MathML.
-    spaced
-        Whether a space stands before it.
-    inner
-        What a pair of round brackets holds, if it is one.
-    wordy
-        Whether it is written in whole words.
-    """
-
-    kind: str
-    xml: str
-    spaced: bool
-    inner: str = ""
-    wordy: bool = False
+    kind: str  # ``atom`` (can be multiplied or divided), ``operator`` or ``text``
+    xml: str  # as MathML
+    spaced: bool  # whether a space stands before it
+    inner: str = ""  # what a pair of round brackets holds, if it is one
+    wordy: bool = False  # whether it is written in whole words
 
 
 def mathml(text: str) -> str:
     """One expression as ``<math>``.
 
-    Raises
-    ------
-    NotCertainError
-        If something in it is not known.
+    A NotCertainError says that something in it is not known.
     """
     return _math(_Parser(text).whole(), text)
 
@@ -90,10 +73,7 @@ def equation_numbers(text: str) -> list[str]:
 def equation_block(text: str) -> str:
     """A block of lines as HTML: one row a line, aligned at their relations where each line has one.
 
-    Raises
-    ------
-    NotCertainError
-        If something in it is not known.
+    A NotCertainError says that something in it is not known.
     """
     rows = [_Row(line) for line in text.splitlines() if line.strip()]
     if all(row.relation or row.goes_on for row in rows):

@@ -73,14 +73,8 @@ def dependencies() -> str:
 def figure(table: Table, elements: Mapping[str, str], tables: Mapping[str, Table]) -> str:
     """One table as boxes.
 
-    Parameters
-    ----------
-    table
-        The table.
-    elements
-        From the name of an element to its URL.
-    tables
-        All tables, for links from one picture to the other.
+    `table`: the table. `elements`: from the name of an element to its URL. `tables`: all tables, for links from one
+    picture to the other.
     """
     arguments = f"({html.escape(table.arguments)})"
     caption = CAPTIONS.get(table.name, "")

@@ -49,16 +49,9 @@ def highlighted(code: str, language: str) -> str:
 def rendered(text: str, link_map: LinkMap, *, normative: bool = False, raised: int = 0) -> str:
     """A document, or a part of one, as HTML.
 
-    Parameters
-    ----------
-    text
-        The Markdown.
-    link_map
-        Where its links lead; a link to what the site has not becomes plain text.
-    normative
-        Whether it is spec.md, whose indented blocks are equations and whose bold ids are the rules themselves.
-    raised
-        How many ranks its headings go up.
+    `text`: the Markdown. `link_map`: where its links lead; a link to what the site has not becomes plain text.
+    `normative`: whether it is spec.md, whose indented blocks are equations and whose bold ids are the rules themselves.
+    `raised`: how many ranks its headings go up.
     """
     parser = MarkdownIt("commonmark").enable("table")
     rules: dict[str, Any] = {

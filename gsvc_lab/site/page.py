@@ -21,30 +21,14 @@ TOP: Final = (
 
 @dataclass(frozen=True)
 class Page:
-    """A page before it is put together.
+    """A page before it is put together."""
 
-    Attributes
-    ----------
-    name
-        File name.
-    title
-        Its title, as text.
-    group
-        The heading under which the contents name it.
-    body
-        Its text as HTML.
-    inner
-        Anchor and text of the headings that the contents show while it is open.
-    wide
-        Whether it takes the whole width and has no contents beside it.
-    """
-
-    name: str
-    title: str
-    group: str
-    body: str
-    inner: Sequence[tuple[str, str]] = ()
-    wide: bool = False
+    name: str  # file name
+    title: str  # its title, as text
+    group: str  # the heading under which the contents name it
+    body: str  # its text as HTML
+    inner: Sequence[tuple[str, str]] = ()  # anchor and text of the headings that the contents show while it is open
+    wide: bool = False  # whether it takes the whole width and has no contents beside it
 
 
 def documents(pages: Sequence[Page]) -> dict[str, str]:

@@ -30,14 +30,8 @@ ONE: Final = re.compile(rf"Annex [A-Z]|{NUMBER}")
 class Linker(HTMLParser):
     """Writes a page again, with its mentions as links.
 
-    Parameters
-    ----------
-    targets
-        Where everything stands.
-    page
-        File name of the page, for links within it.
-    in_spec
-        Whether numbers of sections are those of spec.md.
+    `targets`: where everything stands. `page`: file name of the page, for links within it. `in_spec`: whether numbers
+    of sections are those of spec.md.
     """
 
     def __init__(self, targets: Targets, page: str, *, in_spec: bool) -> None:
@@ -167,14 +161,8 @@ def _lowered(found: re.Match[str]) -> str:
 def with_anchors(body: str, anchors: Callable[[str], list[str]], operations: Container[str]) -> str:
     """A body whose headings of elements, and whose rows of operations, have anchors.
 
-    Parameters
-    ----------
-    body
-        The HTML.
-    anchors
-        From the text of a heading to the anchors that it needs.
-    operations
-        The names of the operations.
+    `body`: the HTML. `anchors`: from the text of a heading to the anchors that it needs. `operations`: the names of the
+    operations.
     """
 
     def heading(found: re.Match[str]) -> str:

@@ -12,18 +12,10 @@ TABLE: Final = re.compile(r"^\| (\w+)\(([^|]*)\) \| descriptor \|\n\|[-|: ]+\|\n
 
 @dataclass
 class Item:
-    """An element, or a call of another table.
+    """An element, or a call of another table."""
 
-    Attributes
-    ----------
-    label
-        What the table says, in Markdown.
-    descriptor
-        Its descriptor, in Markdown.
-    """
-
-    label: str
-    descriptor: str
+    label: str  # what the table says, in Markdown
+    descriptor: str  # its descriptor, in Markdown
 
     @property
     def bits(self) -> int | None:
@@ -38,18 +30,10 @@ class Item:
 
 @dataclass
 class Group:
-    """Items under a condition, or repeated; the outermost has no condition.
+    """Items under a condition, or repeated; the outermost has no condition."""
 
-    Attributes
-    ----------
-    condition
-        What the table says, in Markdown.
-    content
-        What stands in it.
-    """
-
-    condition: str
-    content: list["Item | Group"] = field(default_factory=list)
+    condition: str  # what the table says, in Markdown
+    content: list["Item | Group"] = field(default_factory=list)  # what stands in it
 
 
 @dataclass

@@ -8,17 +8,10 @@ splats for a PSNR in both. `settings` and `effects` say what is asked for, `log`
 opens both ends.
 """
 
-from gsvc_ref.encoder.effects import Effects
-from gsvc_ref.encoder.encode_video import encode
-from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, Progress
-from gsvc_ref.encoder.settings import Settings
-
-__all__ = [
-    "Effects",
-    "EncodeReport",
-    "FrameReport",
-    "IncompleteEncodeError",
-    "Progress",
-    "Settings",
-    "encode",
-]
+from gsvc_ref.encoder.effects import Effects as Effects
+from gsvc_ref.encoder.encode_video import encode as encode
+from gsvc_ref.encoder.report import EncodeReport as EncodeReport
+from gsvc_ref.encoder.report import FrameReport as FrameReport
+from gsvc_ref.encoder.report import IncompleteEncodeError as IncompleteEncodeError
+from gsvc_ref.encoder.report import Progress as Progress
+from gsvc_ref.encoder.settings import Settings as Settings

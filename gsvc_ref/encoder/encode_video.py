@@ -75,7 +75,8 @@ def encode(
         The source cannot be read, or has no frames.
     UsageError
         The settings do not fit the source, or a frame its format; with `live`, another encode writes to the target.
-        Or `jobs` is out of its range. Or `resume` has groups of another source, other settings, or other code.
+        Or `jobs` is out of its range. Or `resume` has groups of another source, other settings, or other code, or is
+        not a folder that an encode made and only this user can write to.
     IncompleteEncodeError
         One of these two came after at least one complete frame; its `report` is about the frames that were saved.
     OSError

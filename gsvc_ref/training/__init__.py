@@ -9,50 +9,30 @@ The parts of an iteration are `weighting` (the colours w c'), `adan` (the step),
 All choices are in `settings`.
 """
 
-from gsvc_ref.training.adan import Adan, AdanSettings
-from gsvc_ref.training.augmentation import KEPT_WEIGHT, NEW_WEIGHT, random_splats, uniform_numbers
-from gsvc_ref.training.convergence import Convergence, ConvergenceTest
-from gsvc_ref.training.fine_tuning import fine_tune
-from gsvc_ref.training.fitting import fit
-from gsvc_ref.training.frame_quantizer import FrameQuantizer
-from gsvc_ref.training.loop import MIN_FACTOR, OnIteration
-from gsvc_ref.training.population import NEW, Population
-from gsvc_ref.training.pruning import PruningSchedule
-from gsvc_ref.training.psnr import loss_of_psnr, psnr_of_loss
-from gsvc_ref.training.schedule import PAPER_SCHEDULE, Constant, Cosine, Schedule, StepDecay
-from gsvc_ref.training.settings import (
-    MAX_ITERATIONS,
-    BlockSettings,
-    FitSettings,
-    Rates,
-)
-
-__all__ = [
-    "KEPT_WEIGHT",
-    "MAX_ITERATIONS",
-    "MIN_FACTOR",
-    "NEW",
-    "NEW_WEIGHT",
-    "PAPER_SCHEDULE",
-    "Adan",
-    "AdanSettings",
-    "BlockSettings",
-    "Constant",
-    "Convergence",
-    "ConvergenceTest",
-    "Cosine",
-    "FitSettings",
-    "FrameQuantizer",
-    "OnIteration",
-    "Population",
-    "PruningSchedule",
-    "Rates",
-    "Schedule",
-    "StepDecay",
-    "fine_tune",
-    "fit",
-    "loss_of_psnr",
-    "psnr_of_loss",
-    "random_splats",
-    "uniform_numbers",
-]
+from gsvc_ref.training.adan import Adan as Adan
+from gsvc_ref.training.adan import AdanSettings as AdanSettings
+from gsvc_ref.training.augmentation import KEPT_WEIGHT as KEPT_WEIGHT
+from gsvc_ref.training.augmentation import NEW_WEIGHT as NEW_WEIGHT
+from gsvc_ref.training.augmentation import random_splats as random_splats
+from gsvc_ref.training.augmentation import uniform_numbers as uniform_numbers
+from gsvc_ref.training.convergence import Convergence as Convergence
+from gsvc_ref.training.convergence import ConvergenceTest as ConvergenceTest
+from gsvc_ref.training.fine_tuning import fine_tune as fine_tune
+from gsvc_ref.training.fitting import fit as fit
+from gsvc_ref.training.frame_quantizer import FrameQuantizer as FrameQuantizer
+from gsvc_ref.training.loop import MIN_FACTOR as MIN_FACTOR
+from gsvc_ref.training.loop import OnIteration as OnIteration
+from gsvc_ref.training.population import NEW as NEW
+from gsvc_ref.training.population import Population as Population
+from gsvc_ref.training.pruning import PruningSchedule as PruningSchedule
+from gsvc_ref.training.psnr import loss_of_psnr as loss_of_psnr
+from gsvc_ref.training.psnr import psnr_of_loss as psnr_of_loss
+from gsvc_ref.training.schedule import PAPER_SCHEDULE as PAPER_SCHEDULE
+from gsvc_ref.training.schedule import Constant as Constant
+from gsvc_ref.training.schedule import Cosine as Cosine
+from gsvc_ref.training.schedule import Schedule as Schedule
+from gsvc_ref.training.schedule import StepDecay as StepDecay
+from gsvc_ref.training.settings import MAX_ITERATIONS as MAX_ITERATIONS
+from gsvc_ref.training.settings import BlockSettings as BlockSettings
+from gsvc_ref.training.settings import FitSettings as FitSettings
+from gsvc_ref.training.settings import Rates as Rates

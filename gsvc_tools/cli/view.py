@@ -139,7 +139,7 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
     """The stream, which must be one unless it is live, and the source, which must fit it."""
     from gsvc_ref.video import open_video
     from gsvc_tools.viewing.source_frames import SourceFrames
-    from gsvc_tools.viewing.streams import MOST_PIPED_BYTES, GrowingFile, Pipe, WholeFile
+    from gsvc_tools.viewing.streams import MAX_PIPED_BYTES, GrowingFile, Pipe, WholeFile
 
     live = arguments.live or arguments.input == STDIO
     if not live:
@@ -150,7 +150,7 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
                 _check_fits(arguments, video, reader.format)
     source = None if arguments.source is None else SourceFrames(arguments.source, arguments.source_from)
     if arguments.input == STDIO:
-        return Pipe(sys.stdin.buffer, arguments.max_bytes or MOST_PIPED_BYTES), source
+        return Pipe(sys.stdin.buffer, arguments.max_bytes or MAX_PIPED_BYTES), source
     return (GrowingFile if live else WholeFile)(Path(arguments.input)), source
 
 

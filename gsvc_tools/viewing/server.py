@@ -43,7 +43,7 @@ IDLE_S: Final = 60.0
 """Seconds for which a connection that has shown the token may wait for the next request."""
 STRANGER_S: Final = 5.0
 """Seconds in which a connection must show the token."""
-MOST_STRANGERS: Final = 32
+MAX_STRANGERS: Final = 32
 """Connections that have not shown it; one more ends the oldest, so that strangers keep nobody out."""
 SAMPLES: Final = "application/octet-stream"
 HEADERS: Final = {
@@ -116,7 +116,7 @@ class Server(ThreadingHTTPServer):
 
     def service_actions(self) -> None:
         """After each connection and each POLL_S, end the strangers that may not stay."""
-        self._end_strangers(most=MOST_STRANGERS)
+        self._end_strangers(most=MAX_STRANGERS)
 
     def _end_strangers(self, most: int) -> None:
         """End those whose time is over, and the oldest of more than `most`."""

@@ -18,7 +18,7 @@ from gsvc_ref.stream.source import Source, SourceReader
 
 SENT_AT_ONCE: Final = 1 << 16
 """Bytes that are handed on at a time."""
-MOST_PIPED_BYTES: Final = 4 << 30
+MAX_PIPED_BYTES: Final = 4 << 30
 """Bytes of a pipe that are kept, by default."""
 QUIET_S: Final = 3.0
 """Seconds without growth after which a file that nobody holds the lock of is taken for ended."""
@@ -133,7 +133,7 @@ class Pipe:
 
     live = True
 
-    def __init__(self, pipe: BinaryIO, most: int = MOST_PIPED_BYTES) -> None:
+    def __init__(self, pipe: BinaryIO, most: int = MAX_PIPED_BYTES) -> None:
         self._pipe, self._most = pipe, most
         self._file = tempfile.TemporaryFile()  # noqa: SIM115  (for as long as the object lives)
         self._size, self._ended = 0, False

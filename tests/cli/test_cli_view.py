@@ -237,7 +237,7 @@ def test_strangers_cannot_take_all_descriptors(stream):
 import resource
 from gsvc_tools.viewing import server
 resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
-server.STRANGER_S = 1e9  # they stay as long as they are few
+server.STRANGER_S, server.Handler.timeout = 1e9, None  # they stay as long as they are few
 """
     with started(stream, "--no-browser", before=limit) as process, ExitStack() as stack:
         url = process.stdout.readline().strip()

@@ -13,9 +13,9 @@ from gsvc_base.draws import Draws
 from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_tools.viewing.server import Viewing, serving
-from gsvc_tools.viewing.streams import WholeFile
+from gsvc_tools.viewing.streams import GrowingFile, WholeFile
 
-ASKED = "!document.querySelector('#ask').hidden"
+ASKED = "() => !document.querySelector('#ask').hidden"
 COUNT_STEPS = """
 () => {
   window.steps = 0;
@@ -39,6 +39,15 @@ SLOW = """
 """
 
 
+@pytest.fixture(scope="module")
+def page():
+    """A page with all scripts of the viewer."""
+    with web_pages.pages() as opened:
+        page = opened()
+        page.goto(web_pages.INDEX.as_uri())
+        yield page
+
+
 def of_level(folder, level):
     """A file of a level with the stream of spec.md's overview, three frames of 16 x 12 pixels."""
     path = folder / f"level{level}.gsvc"
@@ -50,29 +59,24 @@ def titled(page, name):
     page.wait_for_function("name => document.title.startsWith(name)", arg=name)
 
 
-def test_a_stream_of_level_3_is_opened(viewer, tmp_path):
+def test_a_stream_of_a_higher_level_is_decoded_when_somebody_asks_for_it(viewer, tmp_path):
     page = viewer()
     page.set_input_files("#open", of_level(tmp_path, 3))
     titled(page, "level3.gsvc")
     assert page.is_hidden("#ask")
-
-
-@pytest.mark.parametrize("level", [4, 5])
-def test_a_stream_of_a_higher_level_is_decoded_when_somebody_asks_for_it(viewer, tmp_path, level):
-    page = viewer()
     page.evaluate(COUNT_STEPS)
-    page.set_input_files("#open", of_level(tmp_path, level))
+    page.set_input_files("#open", of_level(tmp_path, 4))
     page.wait_for_function(ASKED)
     told = page.text("#ask")
-    assert f"level{level}.gsvc" in told
-    assert f"is of level {level}: a frame may have up to" in told
-    assert {4: "1,048,576 splats", 5: "4,194,304 splats"}[level] in told
+    assert "level4.gsvc" in told
+    assert "is of level 4: a frame may have up to" in told
+    assert "1,048,576 splats" in told
     assert "above level 3 are decoded only when you ask for it" in told
-    assert "example.gsvc is still shown" in told
+    assert "level3.gsvc is still shown" in told
     assert page.is_hidden("#busy")
     assert page.evaluate("window.steps") == 0  # no frame was decoded
     page.click("#decode")
-    titled(page, f"level{level}.gsvc")
+    titled(page, "level4.gsvc")
     assert page.is_hidden("#ask")
     assert page.evaluate("window.steps") == 1
     assert "3 at 25 a second" in page.text("#file")
@@ -105,17 +109,19 @@ def test_layers_are_chosen_without_another_question(viewer, tmp_path):
     assert page.is_hidden("#ask")
 
 
-@pytest.mark.parametrize("level", [3, 4])
-def test_gsvc_view_asks_as_well(new_page, tmp_path, level):
-    path = of_level(tmp_path, level)
+@pytest.mark.parametrize("stream", [WholeFile, GrowingFile])
+def test_gsvc_view_asks_as_well(new_page, tmp_path, stream):
+    path = of_level(tmp_path, 4)
     page = new_page()
-    with serving(Viewing(path.name, WholeFile(path))) as server:
+    with serving(Viewing(path.name, stream(path))) as server:
         page.goto(f"{server.url}&renderer=webgl2")
-        if level > 3:
-            page.wait_for_function(ASKED)
-            assert "still shown" not in page.text("#ask")
-            page.click("#decode")
+        page.wait_for_function(ASKED)
+        assert "still shown" not in page.text("#ask")
+        assert page.is_hidden("#busy")
+        page.click("#decode")
         titled(page, path.name)
+        page.wait_for_function("() => document.querySelector('#file').textContent.includes('3 at 25 a second')")
+        assert page.is_hidden("#ask")
 
 
 def test_frames_that_take_long_are_shown_in_the_end(viewer, tmp_path):
@@ -138,10 +144,8 @@ def test_frames_that_take_long_are_shown_in_the_end(viewer, tmp_path):
     page.wait_for_function(shown, arg=last)
 
 
-def test_ways_to_frames_may_cross(new_page):
+def test_ways_to_frames_may_cross(page):
     """Somebody asks for a frame while the way to another one is taken: both get theirs."""
-    page = new_page()
-    page.goto(web_pages.INDEX.as_uri())
     script = """
     () => {
       const data = Uint8Array.from(atob(GSVC.EXAMPLE_MAIN.base64), (character) => character.charCodeAt(0));
@@ -165,9 +169,7 @@ def test_ways_to_frames_may_cross(new_page):
     assert page.evaluate(script) == [[], [0, 3]]
 
 
-def test_a_splat_is_not_followed_for_more_than_so_many_splats(new_page):
-    page = new_page()
-    page.goto(web_pages.INDEX.as_uri())
+def test_a_splat_is_not_followed_for_more_than_so_many_splats(page):
     script = """
     (splatCount) => {
       let decoded = 0;
@@ -187,9 +189,7 @@ def test_a_splat_is_not_followed_for_more_than_so_many_splats(new_page):
     assert decoded < 20
 
 
-def test_a_frame_is_rendered_in_steps(new_page):
-    page = new_page()
-    page.goto(web_pages.INDEX.as_uri())
+def test_a_frame_is_rendered_in_steps(page):
     splats = np.tile(np.array([5, 4, 2, 0, 2, 0.5, 0.25, 1], "<f4"), (7, 1))
     script = """
     async (values) => {
@@ -205,3 +205,30 @@ def test_a_frame_is_rendered_in_steps(new_page):
     }
     """
     assert page.evaluate(script, splats.ravel().tolist()) == [7, True, True, True]
+
+
+def test_no_frame_is_left_out_while_another_is_late(page):
+    script = """
+    () => {
+      const waiting = [];
+      const { requestAnimationFrame } = window;
+      window.requestAnimationFrame = (step) => waiting.push(step);
+      const shown = [];
+      const player = new GSVC.Player((n) => shown.push(n), () => {});
+      player.load(100, 10); // each is shown for 100 ms
+      player.play();
+      let now = 0;
+      const wait = (milliseconds) => {
+        now += milliseconds;
+        waiting.shift()(now);
+      };
+      for (const milliseconds of [0, 110]) wait(milliseconds);
+      player.late = true;
+      for (let i = 0; i < 20; i++) wait(100);
+      player.late = false;
+      for (const milliseconds of [16, 50, 60, 110]) wait(milliseconds);
+      window.requestAnimationFrame = requestAnimationFrame;
+      return shown;
+    }
+    """
+    assert page.evaluate(script) == [0, 1, 2, 3]

@@ -56,24 +56,12 @@ def said(curve: Curve) -> str:
 
 @dataclass(frozen=True)
 class Measured:
-    """All that was measured.
+    """All that was measured."""
 
-    Attributes
-    ----------
-    clips
-        The clips.
-    curves
-        The curves of all coders on all clips.
-    seconds
-        Seconds of the first clip, in turns; None if it is too small.
-    layers
-        Each clip in layers; empty if the encoder writes none.
-    """
-
-    clips: Sequence[PlanarClip]
-    curves: Sequence[Curve]
-    seconds: Seconds | None = None
-    layers: Sequence[Layered] = ()
+    clips: Sequence[PlanarClip]  # the clips
+    curves: Sequence[Curve]  # the curves of all coders on all clips
+    seconds: Seconds | None = None  # seconds of the first clip, in turns; None if it is too small
+    layers: Sequence[Layered] = ()  # each clip in layers; empty if the encoder writes none
 
 
 def run(settings: Run, codecs: Sequence[Codec] = CODECS) -> Result:

@@ -19,12 +19,7 @@ SAID: Final = ("psnr", "ms_ssim", "vmaf")
 def verdict(found: Ratios, clips: int) -> Verdict:
     """Whether GSVC is better than every frame alone, and comparable with AVC, HEVC and AV1 in MS-SSIM and VMAF.
 
-    Parameters
-    ----------
-    found
-        BD-rates of GSVC against each coder.
-    clips
-        Number of clips that the means are over.
+    `found`: BD-rates of GSVC against each coder. `clips`: number of clips that the means are over.
     """
     alone = [ratio for ratio in found.get(ALONE.name, {}).values() if ratio is not None]
     better = all(ratio < 1 for ratio in alone) if alone else None

@@ -23,30 +23,15 @@ FAVOURITE: Final = "carphone"
 
 @dataclass(frozen=True)
 class Goal:
-    """A number that has to be small enough.
+    """A number that has to be small enough."""
 
-    Attributes
-    ----------
-    about
-        What it is the number of.
-    must, aim
-        Largest values: 1.3 for 30 % more; None: there is none.
-    measured
-        The number; None where it was not measured.
-    remark
-        Where it comes from.
-    as_percent
-        Whether people read it as a percentage more or less rather than as a factor.
-    complete
-        Whether it was measured on all clips that it is about; a goal is not reached where it was not.
-    """
-
-    about: str
-    must: float | None
+    about: str  # what it is the number of
+    must: float | None  # Largest values: 1.3 for 30 % more; None: there is none
     aim: float
-    measured: float | None
-    remark: str
-    as_percent: bool = True
+    measured: float | None  # the number; None where it was not measured
+    remark: str  # where it comes from
+    as_percent: bool = True  # whether people read it as a percentage more or less rather than as a factor
+    # Whether it was measured on all clips that it is about; a goal is not reached where it was not
     complete: bool = True
 
     @property

@@ -18,26 +18,13 @@ COUNT: Final = 3
 
 @dataclass(frozen=True)
 class Layered:
-    """A clip in layers.
+    """A clip in layers."""
 
-    Attributes
-    ----------
-    clip
-        Title of the clip.
-    splats
-        N of a frame with the base, with layer 1, ..., growing.
-    psnr
-        PSNR of all layers together in dB, the mean over frames.
-    bytes
-        Size of the file.
-    single_bytes
-        Size of a file of one layer of that PSNR, read off its curve; None where the curve does not reach it.
-    """
-
-    clip: str
-    splats: tuple[int, ...]
-    psnr: float
-    bytes: int
+    clip: str  # title of the clip
+    splats: tuple[int, ...]  # n of a frame with the base, with layer 1, ..., growing
+    psnr: float  # PSNR of all layers together in dB, the mean over frames
+    bytes: int  # size of the file
+    # Size of a file of one layer of that PSNR, read off its curve; None where the curve does not reach it
     single_bytes: float | None
 
     @property

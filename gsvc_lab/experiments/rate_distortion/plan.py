@@ -33,21 +33,11 @@ PAPER_FRAMES: Final = 4
 
 @dataclass(frozen=True)
 class Job:
-    """A clip to code.
+    """A clip to code."""
 
-    Attributes
-    ----------
-    load
-        Writes its planes to a path and returns it.
-    counts
-        Numbers of splats; None: those of each coder.
-    paper
-        Whether GSVC also runs with the paper's settings.
-    """
-
-    load: Callable[[Path], PlanarClip]
-    counts: tuple[int, ...] | None = None
-    paper: bool = False
+    load: Callable[[Path], PlanarClip]  # writes its planes to a path and returns it
+    counts: tuple[int, ...] | None = None  # numbers of splats; None: those of each coder
+    paper: bool = False  # whether GSVC also runs with the paper's settings
 
 
 def jobs(run: Run) -> list[Job]:

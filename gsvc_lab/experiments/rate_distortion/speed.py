@@ -18,21 +18,11 @@ DECODES: Final = 5
 
 @dataclass(frozen=True)
 class Seconds:
-    """Medians over the turns.
+    """Medians over the turns."""
 
-    Attributes
-    ----------
-    clip
-        Title of the clip.
-    splats
-        N of both.
-    encoding, decoding
-        Seconds a frame of `paper` and of `main`.
-    """
-
-    clip: str
-    splats: int
-    encoding: tuple[float, float]
+    clip: str  # title of the clip
+    splats: int  # n of both
+    encoding: tuple[float, float]  # Seconds a frame of `paper` and of `main`
     decoding: tuple[float, float]
 
 

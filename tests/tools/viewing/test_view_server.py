@@ -26,7 +26,7 @@ from gsvc_tools.viewing import pages
 from gsvc_tools.viewing import server as server_module
 from gsvc_tools.viewing.entrance import Entrance
 from gsvc_tools.viewing.pages import viewer_files
-from gsvc_tools.viewing.server import MOST_STRANGERS, STRANGER_S, Server, Viewing, parse_range, serving
+from gsvc_tools.viewing.server import MAX_STRANGERS, STRANGER_S, Server, Viewing, parse_range, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import SENT_AT_ONCE, GrowingFile, Pipe, WholeFile, is_end, read_to_end_chunk
 
@@ -273,6 +273,7 @@ def ends(connection):
 def clock(monkeypatch):
     """clock(seconds): the time of the server goes on by so much, and not by itself."""
     now = [0.0]
+    monkeypatch.setattr(server_module.Handler, "timeout", None)
     monkeypatch.setattr(server_module, "time", SimpleNamespace(monotonic=lambda: now[0], sleep=time.sleep))
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
@@ -301,7 +302,7 @@ def test_who_has_shown_the_token_may_stay(server, clock):
             assert connection.getresponse().read() == STREAM
             assert connection.sock is not None
             connection.auto_open = False  # another connection would be no proof
-            waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 1)]
+            waiting = [stack.enter_context(stranger(server)) for _ in range(MAX_STRANGERS + 1)]
             assert ends(waiting[0])  # so all have come
             clock(STRANGER_S)
             accepted(server, 0)
@@ -309,7 +310,7 @@ def test_who_has_shown_the_token_may_stay(server, clock):
 
 def test_strangers_are_few(server, clock):
     with ExitStack() as stack:
-        waiting = [stack.enter_context(stranger(server)) for _ in range(MOST_STRANGERS + 3)]
+        waiting = [stack.enter_context(stranger(server)) for _ in range(MAX_STRANGERS + 3)]
         assert all(ends(first) for first in waiting[:3])
         assert ask(server, "stream")[2] == STREAM
         for later in waiting[4:]:  # in the place of one more that came, if it was not at once that it showed the token

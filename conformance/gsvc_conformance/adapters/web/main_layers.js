@@ -118,9 +118,7 @@ globalThis.GSVC ??= {};
       const there = [...others, [layer, entry]].sort(([one], [other]) => one - other);
       const work = there.reduce((sum, [, layerThere]) => sum + layerThere.work, this.baseWork);
       if (work > limits.work) throw new Fault("R-5-4", chunkBit);
-      if (stated !== null && stated !== (entry.checksum ??= parameterChecksum(entry.parameters))) {
-        throw new Fault("R-6.4-3", checksumBit);
-      }
+      if (stated !== null && stated !== parameterChecksum(entry.parameters)) throw new Fault("R-6.4-3", checksumBit);
       this.there = new Map(there);
       this.last = layer;
       this.lost = this.lost.filter((other) => other !== layer);
