@@ -41,8 +41,10 @@ vectors: .venv/.ready-all            ## write vectors/ again from the kit's case
 	$(BIN)/gsvc-conformance list --markdown conformance/protocol.md
 	$(BIN)/gsvc-conformance verify
 
-fuzz: .venv/.ready-test            ## fuzz the parser for some minutes, by a seed
+fuzz: .venv/.ready-test            ## fuzz the parser and the commands for some minutes, by a seed
 	$(BIN)/python -m tests.hostile.fuzz parser --runs 100000 --jobs 2
+	for entry in dump info cut concat export decode salvage listing import scene log; do \
+		$(BIN)/python -m tests.hostile.fuzz $$entry --runs 2000 --jobs 2 || exit 1; done
 
 lint: .venv/.ready-lint            ## check style and types
 	$(BIN)/ruff format --check

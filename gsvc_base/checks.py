@@ -36,15 +36,29 @@ def numbers(value: Any, name: str, remedy: str) -> NDArray[np.float32]:
     `name` and `remedy` are the subject of a UsageError and what to do, such as "the splats" and "give Splats or an
     array (N, 8)".
     """
+    check_unmasked(name, value)
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):  # rows of several lengths, a tensor of a GPU
         array = np.asarray(None)
     if array.dtype.kind not in "biuf":
-        held = type(value).__name__ + (f" of {array.dtype}" if isinstance(value, np.ndarray) else "")
-        raise UsageError(f"{name} cannot be of type {held}; {remedy}")
+        raise UsageError(f"{name} cannot be of type {described_type(value)}; {remedy}")
     with np.errstate(over="ignore", under="ignore"):
         return array.astype(np.float32, copy=False)
+
+
+def described_type(value: Any) -> str:
+    """The type of a value, of an array with that of its elements."""
+    return type(value).__name__ + (f" of {value.dtype}" if isinstance(value, np.ndarray) else "")
+
+
+def check_unmasked(name: str, value: Any) -> None:
+    """Refuse a masked array, also in a list: what it hides would be read as if it were there."""
+    if (masked := sys.modules.get("numpy.ma")) is None:  # so no such array exists
+        return
+    parts = value if isinstance(value, list | tuple) else (value,)
+    if any(isinstance(part, masked.MaskedArray) for part in parts):
+        raise UsageError(f"{name} cannot be a masked array, whose mask would be lost; give array.filled(0), say")
 
 
 def check_whole(name: str, value: Any) -> None:
@@ -147,12 +161,16 @@ def _described(hint: Any) -> str:
 def door(function: Callable[P, R]) -> Callable[P, R]:
     """A public function of numbers and arrays whose arguments of another type are refused by their names.
 
-    Nothing is looked at before something goes wrong: where the function raises an error of types or shapes, the first
-    argument that is no number, or no array of numbers, is named. If there is none, the error passes through.
+    Masked arrays are refused first. Nothing else is looked at before something goes wrong: where the function raises an
+    error of types or shapes, the first argument that is no number, or no array of numbers, is named. If there is none,
+    the error passes through.
     """
+    names = (*signature(function).parameters,)
 
     @wraps(function)
     def guarded(*args: P.args, **kwargs: P.kwargs) -> R:
+        for name, value in (*zip(names, args, strict=False), *kwargs.items()):
+            check_unmasked(name, value)
         try:
             return function(*args, **kwargs)
         except UsageError:

@@ -1,13 +1,13 @@
 """Ctrl-C, and the signals that ask a process to end: how they are handled while something is encoded or decoded.
 
 `Interrupts` holds Ctrl-C back while a frame is written. `termination_as_ctrl_c` makes SIGTERM and SIGHUP do what Ctrl-C
-does, for programs that want it.
+does, for programs that want it, and tells the exit code that the signal asks for.
 """
 
 import signal
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, Final, Self
@@ -17,6 +17,9 @@ TERMINATION: Final = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP
 
 SIGNALS: Final = (signal.SIGINT, *TERMINATION)
 """Signals that may be handled as Ctrl-C: SIGINT by default, the others inside of `termination_as_ctrl_c`."""
+
+SHELL_BASE: Final = 128
+"""What shells add to the number of the signal that ended a program."""
 
 INSISTING_S: Final = 1.0
 """Seconds from the first interrupt until a second gets through a hold: a pipe may never take what is written."""
@@ -31,7 +34,8 @@ UNTOUCHED: Final = ("__del__", "close", "detach", "_raw_object_cache_notify", "_
 class Interrupts:
     """Python's own handling of Ctrl-C, `signal.default_int_handler`, with a hold on it; a context manager.
 
-    Only the main thread gets signals, and only where that handler is in place is anything replaced. An interrupt that
+    Only the main thread gets signals, and only where that handler or one of `termination_as_ctrl_c` is in place is
+    anything replaced. An interrupt that
     comes while llvmlite frees memory or is called by its compiler waits until that is done: raised there, it would be
     lost, or the same memory be freed twice.
 
@@ -42,7 +46,7 @@ class Interrupts:
     def __init__(self, *, patient: bool, once: bool = False) -> None:
         self.held, self.seen = False, False  # interrupts are noted, not raised; one was noted
         self._patient, self._once, self._since = patient, once, 0.0
-        self._replaced: list[int] = []
+        self._replaced: dict[int, Any] = {}  # the handler of each signal before
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if _untouched(frame):
@@ -50,6 +54,7 @@ class Interrupts:
             again.daemon = True
             again.start()
             return
+        _note(number)
         insists = self.seen and not self._patient and time.monotonic() - self._since > INSISTING_S
         through = not self.held or insists
         self.held |= self._once
@@ -67,16 +72,16 @@ class Interrupts:
     def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():
             for number in SIGNALS:
-                if signal.getsignal(number) is signal.default_int_handler:
+                if (before := signal.getsignal(number)) in (signal.default_int_handler, _terminate):
                     signal.signal(number, self._handle)
-                    self._replaced.append(number)
+                    self._replaced[number] = before
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         mine: Any = self._handle  # equal, though never identical, to what was set
-        for number in self._replaced:
+        for number, before in self._replaced.items():
             if signal.getsignal(number) == mine:
-                signal.signal(number, signal.default_int_handler)
+                signal.signal(number, before)
 
 
 def _untouched(frame: FrameType | None) -> bool:
@@ -100,17 +105,36 @@ def _send(number: int) -> None:
         signal.raise_signal(number)
 
 
+_noted: list[int] = []
+"""The signals beside SIGINT that came inside of `termination_as_ctrl_c`."""
+
+
+def _note(number: int) -> None:
+    if number in TERMINATION:
+        _noted.append(number)
+
+
+def _terminate(number: int, frame: FrameType | None) -> None:
+    """Do what Ctrl-C does, and note the signal."""
+    _note(number)
+    raise KeyboardInterrupt
+
+
 @contextmanager
-def termination_as_ctrl_c() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP do what Ctrl-C does inside of the block, unless somebody else handles them."""
+def termination_as_ctrl_c() -> Iterator[Callable[[int], int]]:
+    """Let SIGTERM and SIGHUP do what Ctrl-C does inside of the block, unless somebody else handles them.
+
+    Gives a function of an exit code: of 130, that of Ctrl-C, it makes 128 + the signal that came, as shells report it.
+    """
     replaced = []
+    _noted.clear()
     if threading.current_thread() is threading.main_thread():
         for number in TERMINATION:
             if signal.getsignal(number) is signal.SIG_DFL:
-                signal.signal(number, signal.default_int_handler)
+                signal.signal(number, _terminate)
                 replaced.append(number)
     try:
-        yield
+        yield lambda code: SHELL_BASE + _noted[0] if _noted and code == SHELL_BASE + signal.SIGINT else code
     finally:
         for number in replaced:
             signal.signal(number, signal.SIG_DFL)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from sys import modules
 from typing import Any, Final
@@ -27,6 +28,8 @@ def lazily(
 
     def get(name: str) -> Any:
         if name not in homes:
+            if find_spec(f"{package}.{name}") is not None:  # a module of the package
+                return import_module(f"{package}.{name}")
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, attribute = homes[name]
         if (plugged := offered.get(module.partition(".")[0])) is not None:

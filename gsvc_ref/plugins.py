@@ -52,8 +52,8 @@ class Target(NamedTuple):
 class FileReader(Protocol):
     """Opens a video file that gsvc_ref cannot read."""
 
-    def __call__(self, file: Path | BinaryIO, name: str) -> Any:
-        """A new `VideoReader` of a file that messages call `name`."""
+    def __call__(self, file: Path | BinaryIO, name: str, background: tuple[int, int, int] | None) -> Any:
+        """A new `VideoReader` of a file that messages call `name`, what is transparent in it on R', G', B'."""
 
 
 class MakeVmafMeter(Protocol):

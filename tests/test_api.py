@@ -54,6 +54,13 @@ def test_public_functions_document_their_arguments_and_their_results():
             assert sections.keys() & {"Returns", "Yields"}, name
 
 
+def test_the_parts_that_the_docstring_names_are_attributes():
+    parts = re.findall(r"`(\w+)`", gsvc_ref.__doc__.split("spec.md says")[1].split("The operations")[0])
+    code = f"import gsvc_ref; [print(getattr(gsvc_ref, name)) for name in {parts}]"
+    assert {"spec", "bitstream", "rendering", "plugins"} <= set(parts)
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+
 def test_there_is_no_other_name():
     with pytest.raises(AttributeError, match="nonsense"):
         gsvc_ref.nonsense  # noqa: B018

@@ -1,7 +1,7 @@
 """``gsvc-conformance``: one module per command in `gsvc_conformance.commands`, imported when it is asked for.
 
 Exit codes: 0 nothing is wrong, or done; 1 something is wrong with the implementation or the vectors; 2 wrong use, or
-nothing was judged; 70, 130, 141 as ``gsvc``.
+nothing was judged; 70, 129, 130, 141, 143 as ``gsvc``.
 """
 
 import importlib
@@ -58,8 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     prepare_streams()
     words = list(sys.argv[1:] if argv is None else argv)
     named = words[0] if words and words[0] in COMMANDS else None
-    with termination_as_ctrl_c():
-        return guarded(f"{PROGRAM} {named}" if named else PROGRAM, lambda: _with_packages(words, named))
+    command = f"{PROGRAM} {named}" if named else PROGRAM
+    with termination_as_ctrl_c() as exit_code:
+        return exit_code(guarded(command, lambda: _with_packages(words, named)))
 
 
 def build_parser(named: str | None) -> Parser:

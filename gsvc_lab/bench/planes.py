@@ -14,6 +14,7 @@ from gsvc_base.errors import UsageError
 from gsvc_lab.bench import ffmpeg
 from gsvc_lab.clips import as_frame, as_picture
 from gsvc_ref.video import VideoFormat, VideoReader, open_video, to_planes, to_rgb
+from gsvc_ref.video.alpha import Background
 from gsvc_ref.video.color import Plane
 from gsvc_ref.video.format import MAX_DIMENSION
 from gsvc_ref.video.y4m_header import planar_format
@@ -99,11 +100,18 @@ def from_file(path: Path, target: Path, frames: int, crop: tuple[int, int] | Non
     return _counted(_titled(path, start), note, target, part.format(video))
 
 
-def from_any(source: str, target: Path, frames: int, crop: tuple[int, int] | None = None, start: int = 0) -> PlanarClip:
-    """Frames of a file, as `from_file`, or of a built-in scene or a folder of pictures."""
-    if Path(source).is_file():
+def from_any(
+    source: str,
+    target: Path,
+    frames: int,
+    crop: tuple[int, int] | None = None,
+    start: int = 0,
+    background: Background | None = None,
+) -> PlanarClip:
+    """Frames of a file, as `from_file`; of a scene or a folder, or on a background, as `open_video` reads them."""
+    if background is None and Path(source).is_file():
         return from_file(Path(source), target, frames, crop, start)
-    with open_video(source) as reader:
+    with open_video(source, background=background) as reader:
         return from_reader(reader, _titled(Path(source), start), target, frames, crop, start)
 
 

@@ -12,7 +12,7 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import print_json, show, table
 from gsvc_base.errors import UsageError
 from gsvc_lab.cli.report import check_page
-from gsvc_ref.cli.files import STDIO, check_input
+from gsvc_ref.cli.files import STDIO, add_background, check_input
 from gsvc_tools.cli.where import opened_workers
 
 if TYPE_CHECKING:
@@ -55,6 +55,7 @@ def add_command(commands: Any) -> None:
     parser.add_argument(
         "--points", type=whole, default=POINTS, metavar="P", help=f"points of a curve, 2 to 6 (default: {POINTS})"
     )
+    add_background(parser)
     parser.add_argument("-o", "--output", metavar="PAGE", help="the page to write (default: CLIP's name-bench.html)")
     parser.add_argument(
         "--scheduler", metavar="tcp://HOST:8786",
@@ -132,7 +133,14 @@ def _load(arguments: Namespace, folder: Path) -> "PlanarClip":
 
     start, stop = arguments.frames
     count = 10**9 if stop is None else stop - start
-    return from_any(arguments.clip, folder / "clip.yuv", count, None if arguments.whole else arguments.size, start)
+    return from_any(
+        arguments.clip,
+        folder / "clip.yuv",
+        count,
+        None if arguments.whole else arguments.size,
+        start,
+        arguments.background,
+    )
 
 
 def _warm_up(entries: "list[Entry]", folder: Path) -> None:
@@ -150,6 +158,7 @@ def _command(arguments: Namespace, page: str) -> str:
     words += ["--codecs", ",".join(arguments.codecs)] if arguments.codecs else []
     words += ["--whole"] if arguments.whole else ["--size", f"{arguments.size[0]}x{arguments.size[1]}"]
     words += ["--points", str(arguments.points)]
+    words += ["--background", f"#{bytes(arguments.background).hex()}"] if arguments.background else []
     words += ["--threads", str(arguments.threads)] if arguments.threads is not None else []
     words += ["--scheduler", arguments.scheduler] if arguments.scheduler is not None else []
     return shlex.join([*words, "-o", page])

@@ -10,11 +10,12 @@ from gsvc_base.cli.errors import EXIT_DATA, say
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import show
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.cli.files import STDIO, check_input, check_output, open_stream
+from gsvc_ref.cli.files import STDIO, add_background, check_input, check_output, open_stream
 
 if TYPE_CHECKING:
     from gsvc_lab.report.contents import Wanted
     from gsvc_ref.encoder import EncodeReport
+    from gsvc_ref.video.alpha import Background
 
 COMMAND: Final = "gsvc report"
 PAGE_SUFFIXES: Final = (".html", ".htm")
@@ -40,6 +41,7 @@ def add_command(commands: Any) -> None:
         "--start", type=whole, default=0, metavar="K",
         help="the frame of SOURCE that the first frame of FILE shows (default: 0)",
     )  # fmt: skip
+    add_background(parser)
     parser.add_argument("--no-vmaf", action="store_true", help="leave out VMAF")
     parser.add_argument("--no-x264", action="store_true", help="leave out what x264 needs at equal PSNR")
     parser.add_argument("--threads", type=whole, metavar="T", help="threads to compute with")
@@ -69,6 +71,7 @@ def run(arguments: Namespace) -> int:
         wanted = Wanted(
             Path(arguments.file), arguments.source, arguments.start, command=_command(arguments, page),
             vmaf=not arguments.no_vmaf, x264=not arguments.no_x264, threads=arguments.threads,
+            background=arguments.background,
         )  # fmt: skip
         damage = write_page(wanted, page, quiet=arguments.quiet)
     if not arguments.quiet:
@@ -93,6 +96,7 @@ def _command(arguments: Namespace, page: str) -> str:
     """The command that writes the page again."""
     words = ["gsvc", "report", arguments.file, *([arguments.source] if arguments.source is not None else [])]
     words += ["--start", str(arguments.start)] if arguments.start else []
+    words += ["--background", f"#{bytes(arguments.background).hex()}"] if arguments.background else []
     words += [option for option in ("--no-vmaf", "--no-x264") if getattr(arguments, option[2:].replace("-", "_"))]
     return shlex.join([*words, "-o", page])
 
@@ -116,12 +120,20 @@ def write_page(wanted: "Wanted", page: str, *, quiet: bool) -> list[str]:
 
 
 def after_encode(
-    file: str, source: str | None, start: int, page: str, encoded: "EncodeReport", command: str, *, quiet: bool
+    file: str,
+    source: str | None,
+    start: int,
+    page: str,
+    encoded: "EncodeReport",
+    command: str,
+    *,
+    quiet: bool,
+    background: "Background | None",
 ) -> None:
     """Write the page of ``gsvc encode --report``; a source that cannot be compared is left out, and said."""
     from gsvc_lab.report.contents import Wanted
 
-    wanted = Wanted(Path(file), source, start, encoded, command)
+    wanted = Wanted(Path(file), source, start, encoded, command, background=background)
     try:
         write_page(wanted, page, quiet=quiet)
     except (UsageError, GsvcError) as error:

@@ -72,8 +72,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run, show and keep; 0, 1 if an experiment could not be made, 2 for wrong use, 130 for Ctrl-C."""
+    """Run, show and keep; 0, 1 if an experiment could not be made, 2 for wrong use, 130 for Ctrl-C, 143 for SIGTERM."""
     arguments = parser().parse_args(words)
+    with termination_as_ctrl_c() as exit_code:
+        return exit_code(_run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
     if unknown := [name for name in arguments.names if name not in NAMES]:
         print(f"there is no experiment {unknown[0]}; there are {', '.join(NAMES)}", file=sys.stderr)
         return 2
@@ -82,7 +87,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return 0
     names = arguments.names or ((), NAMES)[arguments.markdown is None]
     try:
-        with termination_as_ctrl_c(), redirect_stdout(sys.stderr) if arguments.json else nullcontext():
+        with redirect_stdout(sys.stderr) if arguments.json else nullcontext():
             if names:
                 check_figures()
                 arguments.output.mkdir(parents=True, exist_ok=True)

@@ -19,6 +19,7 @@ from gsvc_ref.cli.files import describe_format
 from gsvc_ref.encoder import EncodeReport
 from gsvc_ref.encoder.log import OFF, Decision
 from gsvc_ref.stream import FrameSummary, StreamSummary
+from gsvc_ref.video.alpha import Background
 from gsvc_tools.cli.compare import Side, open_side
 from gsvc_tools.cli.decisions import stream_decisions
 from gsvc_tools.cli.info import all_gaps
@@ -43,6 +44,7 @@ class Wanted:
     vmaf: bool = True  # vmaf, x264: Whether to measure these
     x264: bool = True
     threads: int | None = None  # threads to compute with; None: all
+    background: Background | None = None  # what is behind transparent pictures of the source
 
 
 def summarise(file: Path) -> StreamSummary:
@@ -103,7 +105,7 @@ def report_data(
         found = gather(wanted.file, captions, damaged=damaged, threads=wanted.threads, on_frame=done)
         about = f"{wanted.file.name}: {_format(wanted.file)}."
     else:
-        with open_side(wanted.source, (wanted.start, None), "fast") as side:
+        with open_side(wanted.source, (wanted.start, None), "fast", background=wanted.background) as side:
             check_source(summary, side, wanted.start)
             found = gather(
                 wanted.file, captions, side.frames, damaged=damaged, with_vmaf=wanted.vmaf, threads=wanted.threads,
@@ -119,7 +121,9 @@ def report_data(
     against = Against()
     if wanted.source is not None and wanted.x264:
         bits = {frame.number: sum(_bits(frame).values()) for frame in summary.frames}
-        against = against_x264(wanted.source, wanted.start, summary.header, bits, found.levels, on_step)
+        against = against_x264(
+            wanted.source, wanted.start, summary.header, bits, found.levels, on_step, wanted.background
+        )
         notes += [against.missing] if against.missing else []
     comparison = found.comparison
     if comparison is not None:

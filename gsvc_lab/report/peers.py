@@ -12,6 +12,7 @@ from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.tables import percent
 from gsvc_lab.report.x264 import VARIANTS, X264, Peer, sample_frames, x264_at
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.video.alpha import Background
 
 OnStep = Callable[[str, float, float | None], None]
 """Called with what is done, how much of it, and of how much (None: unknown)."""
@@ -33,6 +34,7 @@ def against_x264(
     bits: Mapping[int, int],  # Bits and PSNR in dB of its frames, by their numbers
     levels: Mapping[int, float],
     on_step: OnStep,  # called before each encode
+    background: Background | None = None,  # what is behind transparent pictures of the source
 ) -> Against:
     """What x264 needs at the PSNR of the first frames of a file."""
     frames = sample_frames(header.width, header.height, len(bits))
@@ -47,7 +49,7 @@ def against_x264(
         on_step(text, tries, None)
 
     try:
-        peers, origin = x264_at(source, start, frames, goal, say)
+        peers, origin = x264_at(source, start, frames, goal, say, background)
     except (UsageError, GsvcError, OSError) as error:
         return Against(missing=f"x264 could not be compared: {error}")
     own = sum(bits[number] for number in range(frames))

@@ -15,6 +15,7 @@ from gsvc_lab.bench.codecs import CODECS, Variant
 from gsvc_lab.bench.planes import PlanarClip, from_any
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import open_video, to_rgb
+from gsvc_ref.video.alpha import Background
 
 X264: Final = CODECS[0]
 VARIANTS: Final = (1, 0)
@@ -52,19 +53,22 @@ def sample_frames(width: int, height: int, count: int) -> int:
     return min(most, count)
 
 
-def x264_at(source: str, start: int, frames: int, goal: float, say: Say) -> tuple[list[Peer], str]:
+def x264_at(
+    source: str, start: int, frames: int, goal: float, say: Say, background: Background | None = None
+) -> tuple[list[Peer], str]:
     """Bits of x264 for frames of a source at a PSNR, and a sentence on the planes that it got.
 
     `source`: anything that `open_video` reads, of 8 bits. `start` and `frames`: the first frame, and how many. `goal`:
     mean PSNR of R'G'B' in dB that it has to reach. `say`: called with what is done. An FfmpegError says that there is
     no ffmpeg, or it fails. A UsageError or GsvcError says that the source cannot be read again, or has fewer frames.
+    `background` is what is behind transparent pictures.
     """
     with tempfile.TemporaryDirectory(prefix="gsvc-report-") as name:
         folder = Path(name)
         say("frames for x264")
-        with open_video(source) as reader:
+        with open_video(source, background=background) as reader:
             even = (reader.format.width // 2 * 2, reader.format.height // 2 * 2)
-        clip = from_any(source, folder / "clip.yuv", frames, start=start)
+        clip = from_any(source, folder / "clip.yuv", frames, start=start, background=background)
         if (clip.format.width, clip.format.height) != even or clip.frame_count != frames:
             raise UsageError("ffmpeg reads frames of another size or number than gsvc_ref does")
         found = []
@@ -73,25 +77,27 @@ def x264_at(source: str, start: int, frames: int, goal: float, say: Say) -> tupl
 
             def measure(crf: int, variant: Variant = variant) -> tuple[int, float]:
                 say(f"x264 {variant.name}, CRF {crf}")
-                return _coded(clip, source, start, variant, crf, folder)
+                return _coded(clip, lambda: _originals(source, start, background), variant, crf, folder)
 
             found.append(_at(X264.label(number), goal, measure))
         return found, clip.note
 
 
-def _coded(clip: PlanarClip, source: str, start: int, variant: Variant, crf: int, folder: Path) -> tuple[int, float]:
+def _coded(
+    clip: PlanarClip, originals: Callable[[], Iterator[Frame]], variant: Variant, crf: int, folder: Path
+) -> tuple[int, float]:
     """Bits, and mean PSNR against the source in dB."""
     coded = codecs.encode(clip, X264, variant, crf, folder, None)
     height, width = clip.format.height, clip.format.width
     levels = [
         psnr(original[:height, :width], to_rgb(planes, clip.format), 255)
-        for original, planes in zip(_originals(source, start), codecs.decode(coded, X264, clip), strict=False)
+        for original, planes in zip(originals(), codecs.decode(coded, X264, clip), strict=False)
     ]
     return 8 * coded.bytes, math.fsum(levels) / len(levels)
 
 
-def _originals(source: str, start: int) -> Iterator[Frame]:
-    with open_video(source) as reader:
+def _originals(source: str, start: int, background: Background | None) -> Iterator[Frame]:
+    with open_video(source, background=background) as reader:
         yield from islice(reader, start, None)
 
 

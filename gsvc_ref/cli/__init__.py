@@ -1,8 +1,8 @@
 """The command ``gsvc``: one module per command, each with `add_command`; heavy imports happen inside a command's `run`.
 
 Exit codes: 0 done; 1 bad data, or a file that cannot be read or written (what was saved is said); 2 wrong use;
-70 a fault of gsvc_ref itself; 130 interrupted with Ctrl-C, SIGTERM or SIGHUP; 141 the reader of standard output went
-away.
+70 a fault of gsvc_ref itself; interrupted: 130 with Ctrl-C, 143 with SIGTERM, 129 with SIGHUP; 141 the reader of
+standard output went away.
 """
 
 import gc
@@ -87,5 +87,5 @@ def _run(argv: Sequence[str] | None) -> int:
     if arguments.command is None:
         parser.print_help(sys.stderr)
         return EXIT_USAGE
-    with termination_as_ctrl_c():
-        return guarded(command, lambda: int(arguments.run(arguments)))
+    with termination_as_ctrl_c() as exit_code:
+        return exit_code(guarded(command, lambda: int(arguments.run(arguments))))

@@ -14,12 +14,22 @@ from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli.encode_options import add_options, make_settings
 from gsvc_ref.cli.encode_text import describe_settings, frame_progress, report_object, summary
-from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, describe_format, display_name
+from gsvc_ref.cli.files import (
+    STDIO,
+    add_background,
+    check_input,
+    check_output,
+    check_stream_name,
+    describe_format,
+    display_name,
+    say_damage,
+)
 
 if TYPE_CHECKING:
     from gsvc_ref import Settings
     from gsvc_ref.encoder import EncodeReport, Progress
-    from gsvc_ref.video import VideoReader, VideoSource
+    from gsvc_ref.video import VideoFormat, VideoReader, VideoSource
+    from gsvc_ref.video.alpha import Background
 
 GSVC_ENCODE: Final = "gsvc encode"
 
@@ -29,12 +39,13 @@ class NamedInput:
     """A source by its name, which is read from its beginning each time that it is opened."""
 
     name: str
+    background: "Background | None" = None  # of what is transparent
 
     def open_video(self) -> "VideoReader":
         """A new reader of its frames."""
         from gsvc_ref.video import open_video
 
-        return open_video(self.name)
+        return open_video(self.name, background=self.background)
 
 
 @dataclass(frozen=True)
@@ -42,7 +53,7 @@ class Extras:
     """What a command adds to an encode that does more than this one."""
 
     # The source, which can be opened again and again.
-    source: "Callable[[Namespace], VideoSource]" = lambda arguments: NamedInput(arguments.input)
+    source: "Callable[[Namespace], VideoSource]" = lambda arguments: NamedInput(arguments.input, arguments.background)
     options: Mapping[str, Any] = field(default_factory=dict)  # arguments of `gsvc_ref.encode`
     # Whether `gsvc_ref.encode` opens the source, as often as it needs, with these settings.
     opens_again: "Callable[[Settings], bool]" = lambda settings: False
@@ -71,6 +82,7 @@ def add_command(commands: Any) -> ArgumentParser:
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
     parser.add_argument("output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output")
     add_options(parser)
+    add_background(parser)
     add_force(parser)
     return parser
 
@@ -115,9 +127,10 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
         source.open_video() as reader,
     ):
         extras.look(reader, settings)
-        if talkative:
-            _introduce(arguments.input, reader, settings, out)
         shown = list(reader.notes)
+        notes = say_damage(GSVC_ENCODE, shown)
+        if talkative:
+            _introduce(arguments.input, reader.format, notes, settings, out)
         fault = None
         try:
             with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -147,12 +160,11 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
     return extras.after(report)
 
 
-def _introduce(name: str, reader: "VideoReader", settings: "Settings", out: TextIO) -> None:
+def _introduce(name: str, video: "VideoFormat", notes: list[str], settings: "Settings", out: TextIO) -> None:
     """Say what is encoded, what was assumed about it, and how."""
-    video = reader.format
     described = describe_settings(settings, video.width, video.height)  # which may refuse them
     show(f"{display_name(name)}: {describe_format(video)}", file=out)
-    for note in reader.notes:
+    for note in notes:
         show(f"  note: {note}", file=out)
     show(f"settings: {described}", file=out)
 

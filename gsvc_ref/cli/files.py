@@ -2,20 +2,24 @@
 
 import os
 import sys
+from argparse import ArgumentTypeError
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from gsvc_base.cli.errors import say
 from gsvc_base.cli.text import per_second, plural
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import source_by_prefix
 
 if TYPE_CHECKING:
+    from argparse import ArgumentParser
     from collections.abc import Iterator
 
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import Frame, VideoFormat
+    from gsvc_ref.video.alpha import Background
 
 CHROMA_NAMES: Final = {"rgb": "R'G'B'", "420": "4:2:0", "422": "4:2:2", "444": "4:4:4"}
 STDIO: Final = "-"
@@ -37,6 +41,34 @@ LEVEL_RULE: Final = "R-5-6"
 def display_name(name: str, standard: str = "standard input") -> str:
     """The name of a file in messages."""
     return standard if name == STDIO else name
+
+
+def add_background(parser: "ArgumentParser") -> None:
+    """Add ``--background`` to a command that reads source videos."""
+    parser.add_argument(
+        "--background", type=_color, metavar="COLOR",
+        help="what transparent pictures are shown on, as white or #rrggbb; without it a frame that is not opaque is "
+        "refused",
+    )  # fmt: skip
+
+
+def _color(text: str) -> "Background | None":
+    from gsvc_ref.video.alpha import background_of
+
+    try:
+        return background_of(text)
+    except UsageError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def say_damage(command: str, notes: list[str]) -> list[str]:
+    """Write to standard error what the notes of a reader tell of frames that are lost, and return the other notes."""
+    from gsvc_ref.video.stream import Damage
+
+    for note in notes:
+        if isinstance(note, Damage):
+            say(command, note)
+    return [note for note in notes if not isinstance(note, Damage)]
 
 
 def check_input(name: str, *, folder_allowed: bool = False) -> None:

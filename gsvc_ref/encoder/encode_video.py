@@ -35,9 +35,9 @@ def encode(
     ----------
     source
         A path to anything `gsvc_ref.video.open_video` reads, ``-`` for y4m from standard input, ``scene:NAME`` or a
-        Scene of `gsvc_lab.scenes`, an open VideoReader, an array (T, H, W, 3) of R'G'B', u1 for 8 bits or u2 for 16, or
-        an iterable of such frames (H, W, 3). For other depths, or to say what the colours are, a pair of frames and
-        their VideoFormat.
+        Scene of `gsvc_lab.scenes`, an open VideoReader, such as ``open_video("a.webp", background="white")`` for a
+        transparent source, an array (T, H, W, 3) of R'G'B', u1 for 8 bits or u2 for 16, or an iterable of such frames
+        (H, W, 3). For other depths, or to say what the colours are, a pair of frames and their VideoFormat.
     target
         A path, ``-`` for standard output, or a binary file. A path gets the stream under a temporary name in the same
         folder, ``.NAME.NUMBER.part``, and its own name when it is complete and on the disk: at every moment it

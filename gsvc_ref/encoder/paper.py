@@ -23,10 +23,12 @@ from gsvc_ref.encoder.held_quality import (
     visibility,
 )
 from gsvc_ref.encoder.log import FrameLog
+from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, pixel_splats
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.prediction import exchange_counts, moved_along_flow
 from gsvc_ref.encoder.quick import exchanged, grown, refitted
 from gsvc_ref.encoder.settings import PaperSettings
+from gsvc_ref.encoder.settings.common import PIXELS_PER_SPLAT
 from gsvc_ref.encoder.settings.paper import FrameSettings, QuickFit
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.metrics import psnr
@@ -128,6 +130,8 @@ class _PaperFrame:
     def inter(self) -> EncodedFrame:
         """A P-frame; for a PSNR that it does not reach an I-frame, and an R-frame where nothing needs to change."""
         goal = self.settings.psnr
+        if goal is None and self._has_pixel_splats(self.encoder.intra_splats):
+            return self.intra(PIXEL_SPLATS)
         if goal is None:
             return self._coded_inter(self._fitted_inter(self.encoder.intra_splats))
         if self.settings.effects.frames == "auto" and (repeated := self.repeat()).psnr >= goal:
@@ -178,6 +182,8 @@ class _PaperFrame:
         """The splats of an I-frame of N splats; each number that is tried begins with the same draws."""
         self.rng = np.random.default_rng([self.settings.seed, self.number])
         settings = self.settings.intra.fit
+        if self._has_pixel_splats(total):
+            return _new_population(pixel_splats(self.picture, self.encoder.bit_depth))
         if isinstance(settings, QuickFit):
             with self.seconds.timed("fit"):
                 return _new_population(grown(self._target(settings), total, settings.iterations, self.rng))
@@ -190,6 +196,11 @@ class _PaperFrame:
         if settings.pruning is not None:
             self.log.add("gsp", f"{total - len(population):,} splats removed during the fit", done=True)
         return population
+
+    def _has_pixel_splats(self, total: int) -> bool:
+        """Whether each of a few pixels has a splat, so that there is nothing for preset `quick` to search."""
+        is_quick = isinstance(self.settings.intra.fit, QuickFit)
+        return is_quick and total == self.width * self.height < PIXELS_PER_SPLAT
 
     # ---- start, augment, fit and prune (P) ----
     def _fitted_inter(self, total: int) -> Population:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.arrays import Frame
+from gsvc_base.checks import check_unmasked, described_type
 from gsvc_base.errors import UsageError
 from gsvc_base.files import NamingWriter, check_parent, opened_output, still_named, try_lock
 from gsvc_ref.video import VideoFormat, VideoReader, VideoSource, open_video
@@ -35,6 +36,7 @@ class FrameSource(PassingReader):
 
     def _read(self) -> Iterator[Frame]:
         for number, frame in enumerate(self._source):
+            check_unmasked(f"frame {number}", frame)
             try:
                 check_frame(np.asarray(frame), self.format)
             except UsageError as error:
@@ -110,7 +112,7 @@ def _array_source(source: Any, frame_rate: FrameRate) -> FrameSource:
     except (TypeError, ValueError):
         picture = np.asarray(None)
     if picture.dtype.kind not in "biuf":
-        raise UsageError(f"frame 0 is a {type(first).__name__}; a frame is an array (H, W, 3) of uint8 or uint16")
+        raise UsageError(f"frame 0 is a {described_type(first)}; a frame is an array (H, W, 3) of uint8 or uint16")
     if picture.ndim != 3 or picture.shape[2] != 3:
         raise UsageError(f"frame 0 has shape {picture.shape}; a frame is (H, W, 3){_remedy(picture, 3)}")
     if picture.dtype not in (np.uint8, np.uint16):

@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from gsvc_base.arrays import Frame
+from gsvc_base.checks import check_unmasked
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log10
 
@@ -17,6 +18,7 @@ def check_pair(a: Frame, b: Frame, peak: int) -> None:
     if not 1 <= peak <= MAX_PEAK:
         raise UsageError(f"peak is {peak}; it must be the largest sample value, 1..{MAX_PEAK} (8 bits: 255)")
     for name, frame in (("first", a), ("second", b)):
+        check_unmasked(f"the {name} frame", frame)
         if frame.ndim != 3 or frame.shape[2] != 3 or frame.size == 0 or frame.dtype not in (np.uint8, np.uint16):
             raise UsageError(
                 f"the {name} frame has shape {frame.shape} and type {frame.dtype}; "

@@ -7,7 +7,7 @@ from typing import Any, Final, Literal, get_args
 import numpy as np
 
 from gsvc_base.arrays import Frame as Frame
-from gsvc_base.checks import check_whole
+from gsvc_base.checks import check_unmasked, check_whole
 from gsvc_base.errors import GsvcError, UsageError
 
 ChromaFormat = Literal["rgb", "420", "422", "444"]
@@ -127,6 +127,7 @@ def array_format(width: int, height: int, frame_rate: FrameRate, bit_depth: int)
 
 def check_frame(frame: Frame, video: VideoFormat) -> None:
     """Refuse an array that is not a frame of this format, or has a sample above the peak."""
+    check_unmasked("the frame", frame)
     expected = (video.height, video.width, 3)
     if frame.shape != expected or frame.dtype != video.dtype:
         raise UsageError(

@@ -16,6 +16,7 @@ from PIL.JpegImagePlugin import JpegImageFile
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError, naming
 from gsvc_base.files import PartialFile, check_parent, remove_leftovers
+from gsvc_ref.video.alpha import Background
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.png import PNG_SIGNATURE, PngImage, decode_png, encode_png
 from gsvc_ref.video.stream import VideoReader, VideoWriter
@@ -53,13 +54,13 @@ def list_images(folder: Path) -> list[Path]:
     return sorted((path for path in files if path.is_file()), key=lambda path: natural_key(path.name))
 
 
-def decode_image(data: bytes, name: str) -> PngImage:
-    """Decode a PNG or JPEG file by its content.
+def decode_image(data: bytes, name: str, background: Background | None = None) -> PngImage:
+    """Decode a PNG or JPEG file by its content, what is transparent in it on a background.
 
     A GsvcError is ``malformed``, ``limit``, or ``unsupported`` (neither format, transparency, CMYK).
     """
     if data.startswith(PNG_SIGNATURE):
-        return decode_png(data, name)
+        return decode_png(data, name, background)
     if not data.startswith(JPEG_SIGNATURE):
         raise GsvcError("unsupported", f"{name} is neither a PNG nor a JPEG picture; convert it to PNG")
     try:
@@ -77,13 +78,13 @@ def decode_image(data: bytes, name: str) -> PngImage:
     return PngImage(frame, 8, ColorDescription(UNSPECIFIED, UNSPECIFIED, 0, True, 0), notes)
 
 
-def read_image(path: Path, name: str) -> PngImage:
+def read_image(path: Path, name: str, background: Background | None = None) -> PngImage:
     """Decode a PNG or JPEG file, which is called `name`; what is no file, or larger than MAX_FILE, is not read."""
     if not path.is_file():
         raise UsageError(f"{name} is not a regular file; give a PNG or JPEG picture")
     if (size := path.stat().st_size) > MAX_FILE:
         raise GsvcError("limit", f"{name} has {size} bytes; a picture takes at most {MAX_FILE}: export it again")
-    return decode_image(path.read_bytes(), name)
+    return decode_image(path.read_bytes(), name, background)
 
 
 class ImageReader(VideoReader):
@@ -92,9 +93,9 @@ class ImageReader(VideoReader):
     A picture of another size or depth than the first is a GsvcError ``invalid`` when iterating.
     """
 
-    def __init__(self, sources: Sequence[Path | bytes], name: str) -> None:
+    def __init__(self, sources: Sequence[Path | bytes], name: str, background: Background | None = None) -> None:
         super().__init__()
-        self._sources = sources
+        self._sources, self._background = sources, background
         self._name = name
         first = self._load(0)
         height, width, _ = first.frame.shape
@@ -108,8 +109,11 @@ class ImageReader(VideoReader):
 
     def _load(self, index: int) -> PngImage:
         source = self._sources[index]
-        name = self._label(index)
-        image = read_image(source, name) if isinstance(source, Path) else decode_image(source, name)
+        name, background = self._label(index), self._background
+        if isinstance(source, Path):
+            image = read_image(source, name, background)
+        else:
+            image = decode_image(source, name, background)
         for sentence in image.notes:
             self.note(sentence)
         return image
@@ -129,12 +133,12 @@ class ImageReader(VideoReader):
             yield image.frame
 
 
-def open_folder(folder: Path) -> ImageReader:
+def open_folder(folder: Path, background: Background | None = None) -> ImageReader:
     """Read a folder of pictures; a GsvcError ``invalid`` says that it holds none."""
     paths = list_images(folder)
     if not paths:
         raise GsvcError("invalid", f"the folder {folder} holds no {', '.join(SUFFIXES)} files; give one that does")
-    reader = ImageReader(paths, str(folder))
+    reader = ImageReader(paths, str(folder), background)
     if left_out := missing_numbers([path.stem for path in paths]):
         runs = ", ".join([*left_out[:GAPS_NAMED], *(["..."] if len(left_out) > GAPS_NAMED else [])])
         reader.note(f"the numbers in {folder} have gaps ({runs}); frames are counted without them")

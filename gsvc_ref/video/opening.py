@@ -1,6 +1,7 @@
 """Opening what is read as a video, and what one is written to; each format's module is loaded when it is needed."""
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -8,6 +9,7 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.plugins import Target, file_reader, source_by_prefix, source_by_suffix, targets
 from gsvc_ref.video import y4m
+from gsvc_ref.video.alpha import Background, background_of
 from gsvc_ref.video.format import VideoFormat
 from gsvc_ref.video.stream import NO_EXTRAS, Extras, VideoReader, VideoWriter
 from gsvc_ref.video.y4m_header import Y4M_SIGNATURE
@@ -20,14 +22,20 @@ class VideoSource(Protocol):
         """A new reader of its frames."""
 
 
-def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
+def open_video(
+    source: str | Path | BinaryIO | VideoSource, *, background: str | Sequence[int] | None = None
+) -> VideoReader:
     """Open a source of frames; what it holds decides how it is read, and its name only where a plugin knows it.
 
     A source is ``-`` for y4m on standard input; a folder of PNG or JPEG files; a file; with gsvc_lab, ``scene:NAME``
     for a built-in scene, a ``.toml`` file that describes one, or a Scene; or a binary file at its start (one that
-    cannot seek must hold y4m), which stays open. Files that are neither y4m nor pictures are read by gsvc_tools. A
-    UsageError refuses a GSVC stream, a scene that cannot be, and what needs gsvc_tools or PyAV where that is missing; a
-    GsvcError says that the source cannot be read as video.
+    cannot seek must hold y4m), which stays open. Files that are neither y4m nor pictures are read by gsvc_tools.
+
+    `background` is what transparent pictures are shown on: a color by its name in CSS, as ``#rrggbb``, or three numbers
+    0..255. Without one a frame that is not opaque is refused.
+
+    A UsageError refuses a GSVC stream, a scene that cannot be, a background that is no color, and what needs gsvc_tools
+    or PyAV where that is missing; a GsvcError says that the source cannot be read as video.
     """
     if source == "-":
         return y4m.Y4mReader(sys.stdin.buffer, "standard input")
@@ -35,20 +43,20 @@ def open_video(source: str | Path | BinaryIO | VideoSource) -> VideoReader:
         drawn: VideoReader = named.open(source)
         return drawn
     if isinstance(source, str | Path):
-        return _open_path(Path(source))
+        return _open_path(Path(source), background_of(background))
     if hasattr(source, "open_video"):
         return source.open_video()
-    return _open_file(source)
+    return _open_file(source, background_of(background))
 
 
-def _open_path(path: Path) -> VideoReader:
+def _open_path(path: Path, background: Background | None) -> VideoReader:
     name = str(path)
     if not path.exists():
         raise FileNotFoundError(f"there is no file {path}; check the name of the input")
     if path.is_dir():
         from gsvc_ref.video.images import open_folder
 
-        return open_folder(path)
+        return open_folder(path, background)
     if path.suffix.lower() == STREAM_SUFFIX:
         raise UsageError(f"{path} is a GSVC stream, not a source video: decode it first (gsvc decode {path} OUT.y4m)")
     if not path.is_file():  # a pipe or device: reading its first bytes would take them away
@@ -66,11 +74,11 @@ def _open_path(path: Path) -> VideoReader:
     from gsvc_ref.video import images, png
 
     if magic.startswith(png.PNG_SIGNATURE) or suffix in images.SUFFIXES:
-        return images.ImageReader([path], name)
-    return _open_other(path, name)
+        return images.ImageReader([path], name, background)
+    return _open_other(path, name, background)
 
 
-def _open_file(file: BinaryIO) -> VideoReader:
+def _open_file(file: BinaryIO, background: Background | None) -> VideoReader:
     name = str(getattr(file, "name", "the input"))
     if not file.seekable():
         return y4m.Y4mReader(file, name)
@@ -84,18 +92,18 @@ def _open_file(file: BinaryIO) -> VideoReader:
     from gsvc_ref.video import images, png
 
     if magic.startswith((png.PNG_SIGNATURE, images.JPEG_SIGNATURE)):
-        return images.ImageReader([file.read()], name)
-    return _open_other(file, name)
+        return images.ImageReader([file.read()], name, background)
+    return _open_other(file, name, background)
 
 
-def _open_other(file: Path | BinaryIO, name: str) -> VideoReader:
+def _open_other(file: Path | BinaryIO, name: str, background: Background | None) -> VideoReader:
     open_file = file_reader()
     if open_file is None:
         raise UsageError(
             f"{name} is neither y4m nor a picture, and other formats need gsvc_tools, which comes with gsvc_ref: "
             "pip install ."
         )
-    reader: VideoReader = open_file(file, name)
+    reader: VideoReader = open_file(file, name, background)
     return reader
 
 

@@ -13,8 +13,10 @@ import numpy as np
 from PIL.PngImagePlugin import PngImageFile
 
 from gsvc_base.arrays import I2, U1, Frame
+from gsvc_base.checks import check_unmasked
 from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
+from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
 PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
@@ -166,18 +168,19 @@ def _pillow_samples(chunks: dict[bytes, bytes], raw_mode: str | None) -> Frame:
     return samples.astype(np.uint8 if samples.dtype == np.uint8 else np.uint16)
 
 
-def _is_opaque(samples: Frame, color_type: int, depth: int, transparency: bytes | None) -> bool:
+def _alpha(samples: Frame, color_type: int, depth: int, transparency: bytes | None) -> Frame | None:
+    """The opacity of each pixel (H, W), up to the peak of 8 or 16 bits; None where the file states none."""
     if color_type in (4, 6):
-        return bool((samples[..., -1] == (1 << depth) - 1).all())
+        return samples[..., -1]
     if transparency is None:
-        return True
+        return None
     if color_type == 3:
         alpha = np.full(256, 255, np.uint8)
         alpha[: len(transparency)] = np.frombuffer(transparency[:256], np.uint8)
-        return bool((alpha[samples] == 255).all())
+        return alpha[samples[..., 0]]
     scale = 255 // ((1 << depth) - 1) if depth < 8 else 1
     key = scale * np.frombuffer(transparency, ">u2").astype(np.int64)
-    return not bool((samples == key).all(axis=-1).any())
+    return np.where((samples == key).all(axis=-1), 0, 65535 if depth == 16 else 255).astype(samples.dtype)
 
 
 def _look_up(indices: Frame, palette: bytes, name: str) -> Frame:
@@ -203,26 +206,24 @@ def _color(chunks: dict[bytes, bytes], name: str) -> ColorDescription:
     return ColorDescription(primaries, transfer, 0, True, 0)
 
 
-def decode_png(data: bytes, name: str) -> PngImage:
-    """Decode a PNG.
+def decode_png(data: bytes, name: str, background: Background | None = None) -> PngImage:
+    """Decode a PNG, what is transparent in it on a background.
 
-    A GsvcError is ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque, since the colour
-    under it would be a guess.
+    A GsvcError is ``malformed``; ``limit`` (the size); ``unsupported`` for a pixel that is not opaque where there is no
+    background.
     """
     chunks = _chunks(data, name)
     samples, color_type, depth = _samples(chunks, name)
     transparency = chunks.get(b"tRNS")
     if transparency is not None and color_type in (0, 2) and len(transparency) != 2 * SAMPLE_COUNTS[color_type]:
         raise _malformed(name, "its tRNS has the wrong length")
-    if not _is_opaque(samples, color_type, depth, transparency):
-        raise GsvcError(
-            "unsupported",
-            f"{name} is transparent in places, and GSVC has no alpha: flatten it onto a background of your choice "
-            f"first",
-        )
+    alpha = _alpha(samples, color_type, depth, transparency)
+    peak = 65535 if depth == 16 else 255
     notes = []
-    if color_type in (4, 6) or transparency is not None:
-        notes.append("an alpha channel that is opaque everywhere was dropped")
+    if alpha is not None:
+        is_opaque = check_alpha(alpha, peak, background, name)
+        dropped = "an alpha channel that is opaque everywhere was dropped"
+        notes.append(dropped if is_opaque else told("pictures", background))
     if b"acTL" in chunks:
         notes.append("of an animated PNG only the still picture is read")
     if b"iCCP" in chunks and b"cICP" not in chunks:
@@ -232,6 +233,9 @@ def decode_png(data: bytes, name: str) -> PngImage:
         frame = _look_up(samples[..., 0], chunks.get(b"PLTE", b""), name)
     else:
         frame = samples[..., :3] if color_type in (2, 6) else np.repeat(samples[..., :1], 3, axis=-1)
+    if alpha is not None and background is not None:
+        frame = flattened(frame, alpha, peak, background)
+    if color_type != 3:
         significant = set(chunks.get(b"sBIT", b"")[: frame.shape[-1] if color_type in (2, 6) else 1])
         if depth == 16 and len(significant) == 1 and 9 <= min(significant) <= 15:
             bit_depth = min(significant)
@@ -244,6 +248,7 @@ def encode_png(frame: Frame, bit_depth: int = 8, color: ColorDescription | None 
 
     Primaries and transfer that are specified are stored in a chunk cICP.
     """
+    check_unmasked("the frame", frame)
     height, width, _ = frame.shape
     depth, pixels = 8, frame
     header = b""

@@ -13,6 +13,10 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.video.format import VideoFormat, check_frame
 
 
+class Damage(str):
+    """A note of a reader that frames of its source are lost or damaged, which commands write to standard error."""
+
+
 class VideoReader(ABC):
     """A reader of the frames of a source, one after the other: iterate once.
 

@@ -18,10 +18,12 @@ from gsvc_ref.cli.damage import describe_damage
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
+    add_background,
     check_input,
     describe_format,
     display_name,
     open_stream,
+    say_damage,
 )
 
 if TYPE_CHECKING:
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from gsvc_ref.rendering import Precision
     from gsvc_ref.stream import Stream
     from gsvc_ref.video import VideoFormat
+    from gsvc_ref.video.alpha import Background
 
 GSVC_COMPARE: Final = "gsvc compare"
 
@@ -64,6 +67,7 @@ def add_command(commands: Any) -> None:
         help="how .gsvc files are rendered, see gsvc decode --help",
     )  # fmt: skip
     add_layer(parser)
+    add_background(parser)
     parser.add_argument("--no-vmaf", action="store_true", help="leave out VMAF")
     parser.add_argument("--json", action="store_true", help="print the scores as JSON, and only that")
     parser.add_argument("--quiet", action="store_true", help="print the means only")
@@ -79,9 +83,13 @@ def run(arguments: Namespace) -> int:
 
     with (
         compilation_notice(GSVC_COMPARE, silent=arguments.quiet or arguments.json),
-        open_side(arguments.original, arguments.frames, arguments.precision, arguments.layer) as a,
-        open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer) as b,
+        open_side(
+            arguments.original, arguments.frames, arguments.precision, arguments.layer, arguments.background
+        ) as a,
+        open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer, arguments.background) as b,
     ):
+        for side in (a, b):
+            say_damage(GSVC_COMPARE, side.notes)
         try:
             comparison = _compare(a, b, arguments)
         except GsvcError:
@@ -116,9 +124,13 @@ def holds_stream(name: str) -> bool:
 
 @contextmanager
 def open_side(
-    name: str, frames: tuple[int, int | None], precision: "Precision", layer: int | None = None
+    name: str,
+    frames: tuple[int, int | None],
+    precision: "Precision",
+    layer: int | None = None,
+    background: "Background | None" = None,
 ) -> Iterator[Side]:
-    """Open a video or a GSVC stream, up to a layer, to read a half-open range of its frames."""
+    """Open a video, on a background, or a GSVC stream, up to a layer, to read a half-open range of its frames."""
     start, stop = frames
     if name != STDIO and holds_stream(name):
         import gsvc_ref
@@ -129,7 +141,7 @@ def open_side(
     else:
         from gsvc_ref.video import open_video
 
-        with open_video(name) as reader:
+        with open_video(name, background=background) as reader:
             yield Side(display_name(name), reader.format, reader.notes, CompleteFrames(islice(reader, start, stop)))
 
 
@@ -175,11 +187,13 @@ def comparison_object(comparison: "Comparison", a: Side, b: Side, first: int) ->
 
 def describe(comparison: "Comparison", a: Side, b: Side, first: int, *, brief: bool) -> list[str]:
     """The comparison in lines."""
+    from gsvc_ref.video.stream import Damage
+
     lines = []
     if not brief:
         for letter, side in (("A", a), ("B", b)):
             lines.append(f"{letter}  {side.name}: {describe_format(side.format)}")
-            lines += [f"   note: {note}" for note in side.notes]
+            lines += [f"   note: {note}" for note in side.notes if not isinstance(note, Damage)]
         lines += ["", *_frame_lines(comparison, first), ""]
     lines.append(f"PSNR     {_mean_psnr(comparison)}")
     lines.append(f"MS-SSIM  {comparison.mean_ms_ssim:.5f}")

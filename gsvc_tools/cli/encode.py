@@ -78,7 +78,7 @@ def _resampled(arguments: Namespace) -> "Resampled":
     """The source, resampled as the options say."""
     from gsvc_tools.video.resampling import Resampled
 
-    return Resampled(plain.NamedInput(arguments.input).open_video, arguments.scale, arguments.fps)
+    return Resampled(plain.NamedInput(arguments.input, arguments.background).open_video, arguments.scale, arguments.fps)
 
 
 def _extras(arguments: Namespace, jobs: int, executor: Executor | None, folder: Path | None) -> plain.Extras:

@@ -31,8 +31,12 @@ class PageWriter(Protocol):
         command: str,
         *,
         quiet: bool,
+        background: tuple[int, int, int] | None,
     ) -> None:
-        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again)."""
+        """Write `page` about `file`, whose frame 0 is frame `start` of the source (None: it cannot be read again).
+
+        What is transparent in the source is shown on the background.
+        """
 
 
 _page_writers: Final[list[str]] = []
@@ -78,7 +82,10 @@ def write_page(arguments: Namespace, report: "EncodeReport") -> int:
     quiet = arguments.quiet or arguments.json
     source = arguments.input if same else None
     try:
-        write(arguments.output, source, start, arguments.report, report, command, quiet=quiet)
+        write(
+            arguments.output, source, start, arguments.report, report, command, quiet=quiet,
+            background=arguments.background,
+        )  # fmt: skip
     except KeyboardInterrupt:
         say("gsvc encode", f"interrupted; {arguments.output} is complete{without_page(arguments)}")
         return EXIT_INTERRUPTED

@@ -12,7 +12,7 @@ from gsvc_base.cli.arguments import amount_of_bytes, whole
 from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.cli.files import MAGIC_RULE, STDIO, check_input, display_name, open_stream
+from gsvc_ref.cli.files import MAGIC_RULE, STDIO, add_background, check_input, display_name, open_stream
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
@@ -54,6 +54,7 @@ def add_command(commands: Any) -> None:
         "--source-from", type=whole, default=0, metavar="K",
         help="frame 0 of FILE is frame K of SOURCE, as after gsvc encode --frames K:",
     )  # fmt: skip
+    add_background(parser)
     parser.add_argument("--port", type=whole, default=0, metavar="P", help="the port; default: one that is free")
     parser.add_argument(
         "--max-bytes", type=amount_of_bytes, metavar="BYTES",
@@ -146,9 +147,11 @@ def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
         with open_stream(arguments.input) as opened:
             video = opened.format
         if arguments.source is not None:
-            with open_video(arguments.source) as reader:
+            with open_video(arguments.source, background=arguments.background) as reader:
                 _check_fits(arguments, video, reader.format)
-    source = None if arguments.source is None else SourceFrames(arguments.source, arguments.source_from)
+    source = None
+    if arguments.source is not None:
+        source = SourceFrames(arguments.source, arguments.source_from, background=arguments.background)
     if arguments.input == STDIO:
         return Pipe(sys.stdin.buffer, arguments.max_bytes or MAX_PIPED_BYTES), source
     return (GrowingFile if live else WholeFile)(Path(arguments.input)), source

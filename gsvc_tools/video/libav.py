@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
 from gsvc_ref.video.color import to_rgb
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,
@@ -23,14 +24,17 @@ from gsvc_ref.video.format import (
 )
 from gsvc_ref.video.stream import VideoReader
 from gsvc_tools.video.libav_probe import (
+    MAX_RATE_DENOMINATOR,
     Orientation,
+    has_alpha_track,
     interlaced,
     is_even,
     lost_tracks,
     lost_with_picture,
     open_container,
     orientation,
-    packet_times,
+    read_packets,
+    uneven,
 )
 from gsvc_tools.video.pixel_layout import PixelLayout, plain_layout, plain_name, stand_in, take
 
@@ -39,11 +43,12 @@ if TYPE_CHECKING:
 
 TEXT_DECODERS: Final = ("ansi", "bintext", "xbin", "idf")
 """FFmpeg draws text files as pictures with these; nobody means that."""
-MAX_RATE_DENOMINATOR: Final = 1001
-"""A mean frame rate is rounded to a fraction with at most this denominator, which is that of 30000/1001."""
 
 RANGES: Final = {1: False, 2: True}
 """AVColorRange as full_range."""
+LIBVPX: Final = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
+"""The decoder that gives alpha, by the codec whose own decoder in FFmpeg leaves it out."""
+
 CENTRED_CHROMA: Final = ("mjpeg", "mpeg1video")
 """Codecs whose standards put chroma in the centre."""
 
@@ -78,14 +83,15 @@ class LibavReader(VideoReader):
     transparency) or ``invalid`` (frames that change size or depth).
     """
 
-    def __init__(self, source: Path | BinaryIO, name: str) -> None:
+    def __init__(self, source: Path | BinaryIO, name: str, background: Background | None = None) -> None:
         super().__init__()
         self._av = import_av()
-        self._name = name
+        self._name, self._background = name, background
         self._decoded = 0
         self._begin: Fraction | None = None  # the stamp of the first frame
         self._last_time = Fraction(0)
-        self._times = packet_times(self._av, source)
+        packets = read_packets(self._av, source)
+        self._times = None if packets is None else packets.times
         self._is_uneven = False
         self._turned = Orientation()
         try:
@@ -94,6 +100,9 @@ class LibavReader(VideoReader):
             raise self._unreadable(error) from error
         try:
             self._stream = self._open_stream()
+            self._decoder = self._open_decoder()
+            if packets is not None and (damage := packets.damage(self._name)) is not None:
+                self.note(damage)
             self._queue = self._decode()
             self._first = next(self._queue, None)
             self.format = self._find_format(self._first)
@@ -118,15 +127,31 @@ class LibavReader(VideoReader):
             raise GsvcError("malformed", f"{self._name} is a text file, not a video; give a video file")
         for sentence in lost_tracks(self._container, stream, self._name):
             self.note(sentence)
-        stream.thread_type = "NONE"  # with threads FFmpeg loses reports of damage
-        stream.codec_context.thread_count = 1
         return stream
+
+    def _open_decoder(self) -> av.VideoCodecContext:
+        """What decodes the stream: FFmpeg's choice, or where transparency is asked for that it leaves out, libvpx."""
+        decoder: av.VideoCodecContext = self._stream.codec_context
+        if has_alpha_track(self._stream):
+            named = LIBVPX.get(decoder.name)
+            if self._background is None or named is None:
+                remedy = "" if named is None else ", or what --background COLOR shows behind them"
+                self.note(
+                    f"{self._name} has a track of transparency (alpha_mode 1), which is left out; its colours are read"
+                    + remedy
+                )
+            else:
+                decoder, extradata = self._av.CodecContext.create(named, "r"), decoder.extradata
+                decoder.extradata = extradata
+        decoder.thread_type = "NONE"  # with threads FFmpeg loses reports of damage
+        decoder.thread_count = 1
+        return decoder
 
     def _decode(self) -> Iterator[av.VideoFrame]:
         """Pictures in order; an error comes after the pictures before it."""
         try:
             for packet in self._container.demux(self._stream):
-                yield from packet.decode()
+                yield from self._decoder.decode(packet)
         except self._av.FFmpegError as error:
             yield from self._drain()
             if self._decoded == 0:
@@ -140,7 +165,7 @@ class LibavReader(VideoReader):
     def _drain(self) -> Iterator[av.VideoFrame]:
         """Pictures that the decoder still holds."""
         try:
-            yield from self._stream.codec_context.decode(None)
+            yield from self._decoder.decode(None)
         except self._av.FFmpegError:
             return
 
@@ -154,7 +179,7 @@ class LibavReader(VideoReader):
         video = self._source_format(first)
         for sentence in lost_with_picture(first, self._name):
             self.note(sentence)
-        self._check_alpha(*self._buffers(first, 0), video, 0)
+        self._alpha(*self._buffers(first, 0), video, 0)
         turned = orientation(first)
         if turned is None:
             self.note(f"{self._name} asks players to rotate it by {first.rotation} degrees; frames are as coded")
@@ -185,10 +210,7 @@ class LibavReader(VideoReader):
         if kept is None:
             self._is_uneven = True
             self.time_base = unit
-            self.note(
-                f"frames of {self._name} are not evenly spaced in time ({float(known[-1]):.5g} per second on average); "
-                f"their time stamps go along with them"
-            )
+            self.note(uneven(self._name, known[-1]))
         return kept or known[-1]
 
     def _source_format(self, picture: av.VideoFrame) -> VideoFormat:
@@ -260,27 +282,33 @@ class LibavReader(VideoReader):
         if video.color != self.format.color:
             self.note(f"{self._name} changes its colour tags at frame {number}; each frame is converted by its own")
         shapes = video.plane_shapes
-        self._check_alpha(buffers, pixels, video, number)
+        alpha = self._alpha(buffers, pixels, video, number)
         planes = [take(place, buffers, shapes[i], pixels) for i, place in enumerate(pixels.places)]
         if pixels.chroma_format == "rgb":
             if video.color.full_range:
-                return np.stack(planes, axis=-1)
+                return self._flattened(np.stack(planes, axis=-1), alpha)
             planes = [planes[1], planes[2], planes[0]]  # matrix 0 carries G', B', R'
         elif len(planes) == 1:
             planes += [np.full(shape, 1 << (video.bit_depth - 1), video.dtype) for shape in shapes[1:]]
-        return to_rgb(planes, video)
+        return self._flattened(to_rgb(planes, video), alpha)
 
-    def _check_alpha(self, buffers: list[Any], pixels: PixelLayout, video: VideoFormat, number: int) -> None:
-        """Say of an alpha channel that it is left out, and refuse a frame that is not opaque."""
+    def _alpha(self, buffers: list[Any], pixels: PixelLayout, video: VideoFormat, number: int) -> Frame | None:
+        """The alpha channel (H, W) of a picture, if it has one; without a background it must be opaque."""
         if pixels.alpha is None:
-            return
-        if int(take(pixels.alpha, buffers, video.plane_shapes[0], pixels).min()) < video.peak:
-            raise GsvcError(
-                "unsupported",
-                f"frame {number} of {self._name} is transparent in places, and GSVC has no alpha: flatten the "
-                f"video onto a background of your choice first",
+            return None
+        alpha = take(pixels.alpha, buffers, video.plane_shapes[0], pixels)
+        if not check_alpha(alpha, video.peak, self._background, f"frame {number} of {self._name}"):
+            self.note(told(self._name, self._background))
+        elif self._background is None:
+            self.note(
+                f"the alpha channel of {self._name} is left out; a frame that is not opaque would end the reading, but "
+                f"for --background COLOR"
             )
-        self.note(f"the alpha channel of {self._name} is left out; a frame that is not opaque would end the reading")
+        return alpha
+
+    def _flattened(self, frame: Frame, alpha: Frame | None) -> Frame:
+        background = self._background
+        return frame if alpha is None or background is None else flattened(frame, alpha, self.format.peak, background)
 
     def _check(self, picture: av.VideoFrame, number: int) -> None:
         if picture.is_corrupt:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 
 from gsvc_base.arrays import Frame
+from gsvc_ref.video.stream import Damage
 
 if TYPE_CHECKING:
     import av
@@ -39,6 +40,9 @@ LOST_SIDE_DATA: Final = {
 }
 """Names of FFmpeg's side data of frames that a stream has no place for, in words."""
 
+MAX_RATE_DENOMINATOR: Final = 1001
+"""A mean frame rate is rounded to a fraction with at most this denominator, which is that of 30000/1001."""
+
 JITTER_S: Final = 0.002
 """Seconds by which a frame may be off its place and still count as evenly spaced: containers round, Matroska to 1 ms
 and QuickTime often to 1/600 s."""
@@ -50,35 +54,74 @@ def open_container(av_module: Any, source: Path | BinaryIO) -> Any:
     return av_module.open(name, options=dict(OPEN_OPTIONS), metadata_errors="ignore")
 
 
-def packet_times(av_module: Any, source: Path | BinaryIO) -> tuple[np.ndarray[Any, Any], Fraction] | None:
-    """When the frames of the first video stream are shown, by the stamps of its packets; nothing is decoded.
+@dataclass(frozen=True)
+class Packets:
+    """What the packets of the first video stream tell; nothing is decoded."""
 
-    Ascending times from the first on, (T,) i8, and the unit in seconds; None where not every packet has a stamp, or the
-    file cannot be read, which is for others to say. A file object is left where it was.
+    # When frames are shown, ascending from the first on, (T,) i8, and the unit in seconds; None: not all have a stamp.
+    times: tuple[np.ndarray[Any, Any], Fraction] | None
+    corrupt: int  # packets that FFmpeg marks as damaged
+    complaint: str | None  # the first error of what takes the container apart
+    is_transport: bool  # a transport stream, in which a packet that is lost leaves nothing but a gap in time
+
+    def damage(self, name: str) -> Damage | None:
+        """A sentence about frames that are lost or damaged, as far as FFmpeg tells."""
+        parts = []
+        if self.is_transport or self.corrupt or self.complaint:
+            lost = 0 if self.times is None else missing_frames(self.times[0])
+            if lost:
+                parts.append(f"{_count(lost, 'frame')} of it missing by the time stamps")
+        if self.corrupt:
+            parts.append(f"FFmpeg marks {_count(self.corrupt, 'packet')} as damaged")
+        if parts and self.complaint:
+            parts.append(f"it says: {self.complaint}")
+        return Damage(f"{name} is damaged: {'; '.join(parts)}; what is left is read as it is") if parts else None
+
+
+def missing_frames(times: np.ndarray[Any, Any]) -> int:
+    """How many frames have room in the gaps between ascending times (T,) i8; 0 where these are uneven anyway."""
+    steps = np.diff(times)
+    usual = int(np.median(steps)) if len(steps) else 0
+    counts = np.rint(steps / usual).astype(np.int64) if usual > 0 else np.ones(0, np.int64)
+    # A stamp is off by at most a unit of its container, and frames that are lost leave whole periods.
+    if (counts < 1).any() or (np.abs(steps[: len(counts)] - counts * usual) > np.maximum(counts, usual / 8)).any():
+        return 0
+    return int((counts - 1).sum())
+
+
+def read_packets(av_module: Any, source: Path | BinaryIO) -> Packets | None:
+    """Look at all packets; None where the file cannot be read, which is for others to say.
+
+    A file object is left where it was.
     """
     start = None if isinstance(source, Path) else source.tell()
-    times = array("q")
+    logging, level = av_module.logging, av_module.logging.get_level()
+    times, corrupt, stamped = array("q"), 0, True
+    logging.set_level(logging.ERROR)
     try:
-        with open_container(av_module, source) as container:
+        with logging.Capture() as said, open_container(av_module, source) as container:
             if not container.streams.video:
                 return None
-            stream = container.streams.video[0]
+            stream, kind = container.streams.video[0], container.format.name
             for packet in container.demux(stream):
+                corrupt += packet.is_corrupt and packet.size > 0
                 if packet.size == 0 or packet.is_discard:  # the mark of the end; what an edit list leaves out
                     continue
-                if packet.pts is None:
-                    return None
-                times.append(packet.pts)
+                stamped &= packet.pts is not None
+                times.append(packet.pts or 0)
             unit = stream.time_base
     except (av_module.FFmpegError, ValueError, EOFError):
         return None
     finally:
+        logging.set_level(level)
         if start is not None and not isinstance(source, Path):
             source.seek(start)
-    if not times or not unit:
-        return None
-    ascending = np.sort(np.frombuffer(times, np.int64))
-    return ascending - ascending[0], unit
+    complaint = next((" ".join(text.split()) for _, speaker, text in said if speaker == kind), None)
+    found = None
+    if stamped and times and unit:
+        ascending = np.sort(np.frombuffer(times, np.int64))
+        found = ascending - ascending[0], unit
+    return Packets(found, corrupt, complaint, kind == "mpegts")
 
 
 def is_even(times: np.ndarray[Any, Any], unit: Fraction, rate: Fraction) -> bool:
@@ -104,11 +147,14 @@ def lost_tracks(container: Any, stream: av.VideoStream, name: str) -> list[str]:
     others = [*streams.data, *streams.attachments]
     if others:
         notes.append(f"{name} has {_count(len(others), 'other track')} (data or attachments), left out")
-    if stream.metadata.get("alpha_mode", stream.metadata.get("ALPHA_MODE")) == "1":
-        notes.append(f"{name} has a track of transparency (alpha_mode 1), which is left out; its colours are read")
     if chapters := len(container.chapters()):
         notes.append(f"{name} has {_count(chapters, 'chapter mark')}, left out")
     return notes
+
+
+def has_alpha_track(stream: av.VideoStream) -> bool:
+    """Whether a WebM has a second picture beside each, of its opacity."""
+    return stream.metadata.get("alpha_mode", stream.metadata.get("ALPHA_MODE")) == "1"
 
 
 def _tracks(streams: Any) -> str:
@@ -125,6 +171,14 @@ def codec_name(stream: Any) -> str:
 def interlaced(name: str) -> str:
     """A sentence about a source with interlaced pictures."""
     return f"{name} is interlaced; its frames are read as if progressive"
+
+
+def uneven(name: str, rate: Fraction) -> str:
+    """A sentence about a source whose frames have times of their own, with this mean rate."""
+    return (
+        f"frames of {name} are not evenly spaced in time ({float(rate):.5g} per second on average); their time stamps "
+        f"go along with them"
+    )
 
 
 def _count(number: int, noun: str) -> str:

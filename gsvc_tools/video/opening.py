@@ -7,15 +7,20 @@ from gsvc_ref.plugins import Target
 from gsvc_tools.video.suffixes import ANIMATIONS, CONTAINERS
 
 if TYPE_CHECKING:
+    from gsvc_ref.video.alpha import Background
     from gsvc_ref.video.format import VideoFormat
     from gsvc_ref.video.stream import Extras, VideoReader, VideoWriter
 
 
-def open_file(file: Path | BinaryIO, name: str) -> "VideoReader":
-    """A reader of a file in a format that FFmpeg knows."""
+def open_file(file: Path | BinaryIO, name: str, background: "Background | None" = None) -> "VideoReader":
+    """A reader of a file in a format that FFmpeg knows, or of an animated WebP, which Pillow reads."""
+    from gsvc_tools.video.webp import AnimatedWebpReader, picture_delays
+
+    if (delays := picture_delays(file)) is not None:
+        return AnimatedWebpReader(file, name, delays, background)
     from gsvc_tools.video.libav import LibavReader
 
-    return LibavReader(file, name)
+    return LibavReader(file, name, background)
 
 
 def _open_copy(path: Path, video: "VideoFormat", extras: "Extras") -> "VideoWriter":

@@ -9,6 +9,7 @@ import numpy as np
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
+from gsvc_ref.video.alpha import Background
 
 MAX_VIEWED_BYTES: Final = 1 << 30
 """Bytes of frames that are kept in a temporary file: 172 frames of 1920 × 1080, so that going back reads no video."""
@@ -20,9 +21,11 @@ class SourceFrames:
     `most_kept` bytes of frames are kept on disk; those after them are read again when someone goes back.
     """
 
-    def __init__(self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES) -> None:
-        self.name, self._first = name, first
-        self._reader: VideoReader = open_video(name)
+    def __init__(
+        self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES, background: Background | None = None
+    ) -> None:
+        self.name, self._first, self._background = name, first, background
+        self._reader: VideoReader = open_video(name, background=background)
         self.format: VideoFormat = self._reader.format
         self._frame_bytes = 3 * self.format.width * self.format.height * (1 if self.format.bit_depth == 8 else 2)
         self._room = most_kept // self._frame_bytes
@@ -44,7 +47,7 @@ class SourceFrames:
                 return self._file.read(self._frame_bytes)
             if number < self._next:
                 self._reader.close()
-                self._reader, self._next, self._fault = open_video(self.name), 0, None
+                self._reader, self._next, self._fault = open_video(self.name, background=self._background), 0, None
             data = None
             while self._next <= number:
                 frame = self._read()

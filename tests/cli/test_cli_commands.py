@@ -324,7 +324,7 @@ def interrupting(frames_before):
 
 def test_an_interrupted_encode_keeps_its_frames(clip, stream, tmp_path, capsys, monkeypatch):
     path = tmp_path / "out.gsvc"
-    monkeypatch.setattr(gsvc_ref.video, "open_video", lambda source: interrupting(3)(Path(source)))
+    monkeypatch.setattr(gsvc_ref.video, "open_video", lambda source, **options: interrupting(3)(Path(source)))
     assert main(["encode", str(clip), str(path), *QUICK]) == 130
     assert f"interrupted; {path} is a valid file with the 3 frames done so far" in capsys.readouterr().err
     monkeypatch.undo()
@@ -332,7 +332,7 @@ def test_an_interrupted_encode_keeps_its_frames(clip, stream, tmp_path, capsys, 
 
 
 def test_an_encode_interrupted_too_early_leaves_nothing(clip, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(gsvc_ref.video, "open_video", lambda source: interrupting(0)(Path(source)))
+    monkeypatch.setattr(gsvc_ref.video, "open_video", lambda source, **options: interrupting(0)(Path(source)))
     assert main(["encode", str(clip), str(tmp_path / "out.gsvc"), *QUICK]) == 130
     assert "nothing was saved" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

@@ -1,4 +1,4 @@
-"""Commands other than encode that are asked to end: exit code 130, one line, nothing under the output's name."""
+"""Commands other than encode that are asked to end: 128 + the signal, one line, nothing under the output's name."""
 
 import os
 import signal
@@ -22,6 +22,7 @@ TIMEOUT_S = 120
 def signals_as_in_a_terminal():
     """`nohup`, a container or a shell's background job may have had this process ignore them."""
     asked = dict.fromkeys((signal.SIGTERM, signal.SIGHUP), signal.SIG_DFL)
+    asked[signal.SIGINT] = signal.default_int_handler
     before = {number: signal.signal(number, handler) for number, handler in asked.items()}
     yield
     for number, handler in before.items():
@@ -52,7 +53,7 @@ def test_an_ended_decode_leaves_nothing(stream, tmp_path, monkeypatch, capsys, n
     monkeypatch.setattr(y4m.Y4mWriter, "_write", signalling(number, y4m.Y4mWriter._write, after=3))
     for writer in (images.ImageFolderWriter, y4m.Y4mWriter):
         monkeypatch.setattr(writer, "_discard", signalling(number, writer._discard))
-    assert main(["decode", str(stream), str(out)]) == 130
+    assert main(["decode", str(stream), str(out)]) == 128 + number
     assert capsys.readouterr() == ("", "gsvc decode: interrupted; nothing was saved\n")
     assert [path.name for path in tmp_path.rglob("*")] == ["there"]
     assert signal.getsignal(number) is signal.SIG_DFL
@@ -75,7 +76,7 @@ def test_a_picture_that_has_just_got_its_name_is_removed_too(stream, tmp_path, m
         signal.raise_signal(signal.SIGTERM)
 
     monkeypatch.setattr(images, "_write_png", written)
-    assert main(["decode", str(stream), str(tmp_path / "out"), "--quiet"]) == 130
+    assert main(["decode", str(stream), str(tmp_path / "out"), "--quiet"]) == 143
     assert list(tmp_path.iterdir()) == []
 
 
@@ -96,12 +97,28 @@ def test_a_decode_that_waits_for_its_input(stream, tmp_path):
             time.sleep(0.05)
         process.send_signal(signal.SIGTERM)
         _, error = process.communicate(timeout=TIMEOUT_S)
-    assert (process.returncode, error) == (130, b"gsvc decode: interrupted; nothing was saved\n")
+    assert (process.returncode, error) == (143, b"gsvc decode: interrupted; nothing was saved\n")
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("command", ["compare", "info"])
 def test_other_commands_say_so(stream, clip, monkeypatch, capsys, command):
     monkeypatch.setattr(gsvc_ref, "open", signalling(signal.SIGTERM, gsvc_ref.open))
-    assert main([command, str(stream), *([str(clip)] if command == "compare" else [])]) == 130
+    assert main([command, str(stream), *([str(clip)] if command == "compare" else [])]) == 143
     assert capsys.readouterr() == ("", f"gsvc {command}: interrupted\n")
+
+
+def test_ctrl_c_after_an_ended_command_is_ctrl_c_again(stream, monkeypatch):
+    """The signal of one command says nothing of the next one in the same process."""
+    for number, status in ((signal.SIGTERM, 143), (signal.SIGINT, 130)):
+        with monkeypatch.context() as patched:
+            patched.setattr(gsvc_ref, "open", signalling(number, gsvc_ref.open))
+            assert main(["info", str(stream)]) == status
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_experiments_end_with_the_code_of_the_signal(tmp_path, monkeypatch, number, status):
+    command = pytest.importorskip("gsvc_lab.experiments.command")
+    monkeypatch.setattr(command, "check_figures", lambda: None)
+    monkeypatch.setattr(command, "make", lambda name, arguments: signal.raise_signal(number))
+    assert command.main(["time", "--output", str(tmp_path)]) == status

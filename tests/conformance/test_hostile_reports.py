@@ -242,7 +242,7 @@ def test_a_run_that_is_asked_to_end_ends_its_command_and_writes_the_report(tmp_p
         signal.sigtimedwait([signal.SIGUSR2], 0.02)
     process.send_signal(signal.SIGTERM)
     _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
+    assert process.returncode == 143, err
     assert len(read(tmp_path / "report.json").results) == 2
     with pytest.raises(ProcessLookupError):
         os.kill(int(pids[2]), 0)

@@ -248,7 +248,7 @@ def test_one_stream_has_one_b():
 
 
 @pytest.mark.parametrize(
-    ("width", "height", "count"), [(1, 1, 1), (39, 1, 1), (40, 2, 2), (160, 96, 384), (1920, 1080, 51840)]
+    ("width", "height", "count"), [(1, 1, 1), (40, 1, 1), (40, 2, 2), (160, 96, 384), (1920, 1080, 51840)]
 )
 def test_by_default_a_splat_stands_for_forty_pixels(width, height, count):
     assert Settings.quick().splat_count(width, height) == count
@@ -256,10 +256,16 @@ def test_by_default_a_splat_stands_for_forty_pixels(width, height, count):
     assert Settings.paper().splat_count(width, height) == count
 
 
+def test_fewer_pixels_have_a_splat_each():
+    for settings in (Settings.quick(), Settings.quick(psnr=30.0), Settings.quick(quality=30)):
+        assert settings.splat_count(13, 3) == settings.most_splats(13, 3) == 39
+    assert Settings.quick(splats=2).most_splats(13, 3) == 2
+    assert Settings.paper().splat_count(13, 3) == 1
+
+
 def test_constant_quality_may_take_a_splat_for_six_pixels_or_those_asked_for():
     assert Settings.quick(psnr=30.0).splat_count(40, 30) == 30
     assert Settings.quick(psnr=30.0).most_splats(40, 30) == 200
-    assert Settings.quick(psnr=30.0).most_splats(2, 2) == 1
     assert Settings.quick(quality=30).most_splats(40, 30) == 200
     assert Settings.quick(quality=30, splats=25).most_splats(40, 30) == 25
     assert Settings.quick(splats=25).counted_splats(40, 30) == 50

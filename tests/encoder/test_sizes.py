@@ -22,7 +22,10 @@ def test_any_size_makes_the_round_trip(width, height, preset):
     clip = waves(width, height, 3)
     report, data = encoded(clip, preset(iterations=3, cholesky_bits=8, key_frames=2, checksums=True))
     decoded = list(decode(data))
-    assert [frame.type for frame in report.frames] in (list("IPI"), list("IRI"))
+    has_pixel_splats = preset is paper_quick and width * height == 1
+    assert [frame.type for frame in report.frames] in (
+        [list("III")] if has_pixel_splats else [list("IPI"), list("IRI")]
+    )
     assert [frame.shape for frame in decoded] == [(height, width, 3)] * 3
     for frame, picture, told in zip(clip, decoded, report.frames, strict=True):
         assert told.psnr == psnr(frame, picture, 255)

@@ -39,10 +39,11 @@ from gsvc_ref.encoder.main.densities import choose_densities
 from gsvc_ref.encoder.main.field import Field
 from gsvc_ref.encoder.main.inter import PFrame, encode_inter
 from gsvc_ref.encoder.main.intra import encode_intra, intra_evaluations, splats_for
+from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, encode_pixels
 from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import MainSettings
-from gsvc_ref.encoder.settings.common import MAX_SPLATS
+from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
@@ -84,6 +85,10 @@ class MainFrameEncoder:
         # The first is N until an I-frame with a quality or PSNR to hold, `decide`, or a search for a size sets it.
         self.intra_splats, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
+        # Whether each pixel may have a splat, in a picture of so few that it would have one splat by the usual share.
+        self.has_pixel_splats = (
+            settings.quality is None and settings.goal is None and self.most == width * height < PIXELS_PER_SPLAT
+        )
         self.renderer = Renderer(width, height, precision=settings.precision, threads=settings.threads)
         self.inter = settings.inter  # with the effects that are switched on
         if settings.effects.motion == "off":
@@ -193,6 +198,10 @@ class _MainFrame:
         with self.seconds.timed("intra"):
             if settings.psnr is not None:
                 coded = self._held_intra(settings.psnr)
+                if encoder.has_pixel_splats and coded.psnr < settings.psnr:
+                    coded = max(coded, self._coded_pixels(), key=lambda one: one.psnr)
+            elif encoder.has_pixel_splats:
+                coded = self._coded_pixels()
             else:
                 quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
                 if quantizer is not None and settings.splats is None:
@@ -213,6 +222,8 @@ class _MainFrame:
         encoder, settings, state_before = self.encoder, self.settings, self.encoder.state
         if len(state_before.values) == 0:
             return self.intra("the frame before has no splats")
+        if encoder.has_pixel_splats and settings.psnr is None:
+            return self.intra(PIXEL_SPLATS)
         with self.seconds.timed("inter"):
             coded = (
                 self._coded_inter(encoder.quantizer)
@@ -231,6 +242,10 @@ class _MainFrame:
     def _coded_intra(self, splats: int, quantizer: int | None) -> _Coded:
         """An I-frame of about this number of splats."""
         return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.intra))
+
+    def _coded_pixels(self) -> _Coded:
+        """An I-frame with a splat on each pixel."""
+        return self._decoded(encode_pixels(self.picture, self.encoder.bit_depth))
 
     def _rng(self) -> np.random.Generator:
         """Randomness of the frame: each try begins with the same draws."""

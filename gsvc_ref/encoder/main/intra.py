@@ -74,10 +74,14 @@ def encode_intra(
         quantizer = min(quantizer_for(z) + (LAYER_COARSER if target.base_count else 0), QUANTIZERS - 1)
     step = step_of(quantizer)
     z = refine(target, z, step / 16, rng, settings)
-    codes = round_sequentially(target, z, step, rng, settings)
+    return ordered(quantizer, round_sequentially(target, z, step, rng, settings), target.width, target.height)
+
+
+def ordered(quantizer: int, codes: IntraCodes, width: int, height: int) -> MainCodes:
+    """The I-frame of codes in any order, without those that have no color."""
     codes = codes.take(np.flatnonzero((codes.colors != 0).any(axis=1)))
-    codes = codes.take(cell_order(codes.cells, target.width, target.height))
-    densities = choose_densities(codes, step, target.width, target.height) if len(codes) else None
+    codes = codes.take(cell_order(codes.cells, width, height))
+    densities = choose_densities(codes, step_of(quantizer), width, height) if len(codes) else None
     return MainCodes(quantizer, type="I", densities=densities, new=codes)
 
 

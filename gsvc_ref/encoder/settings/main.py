@@ -8,7 +8,7 @@ from gsvc_base.checks import check_range
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.header import MAX_LAYERS
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
-from gsvc_ref.encoder.settings.common import MAX_SPLATS, ProfileName, Settings
+from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT, ProfileName, Settings
 from gsvc_ref.encoder.settings.detection import quick_detection
 from gsvc_ref.main.tables import QUANTIZERS
 
@@ -101,7 +101,15 @@ class MainSettings(Settings):
             return self.with_splats(self.layer_splats[-1]).splat_count(width, height)
         if self.layers:
             return replace(self, layers=(), psnr=self.layers[-1]).most_splats(width, height)
+        if self.splats is None and width * height < PIXELS_PER_SPLAT:
+            return width * height
         return super().most_splats(width, height)
+
+    def splat_count(self, width: int, height: int) -> int:
+        """N for a frame of this size: by default one for PIXELS_PER_SPLAT pixels, and for each where they are fewer."""
+        if self.splats is None and width * height < PIXELS_PER_SPLAT:
+            return width * height
+        return super().splat_count(width, height)
 
     def told_splats(self, width: int, height: int) -> int | None:
         """N for a frame of this size; None where it follows from a quality or another goal."""
