@@ -20,10 +20,9 @@ USERS = (
 @pytest.fixture
 def toys(monkeypatch) -> dict:
     """The toy operations in place of all others."""
-    for name in USERS:
-        monkeypatch.setattr(
-            importlib.import_module(f"gsvc_conformance.{name}"), "operations", lambda: toy_operations.OPERATIONS
-        )
+    # All are imported first: one that is imported when another is changed already would keep the toys for ever.
+    for module in [importlib.import_module(f"gsvc_conformance.{name}") for name in USERS]:
+        monkeypatch.setattr(module, "operations", lambda: toy_operations.OPERATIONS)
     return toy_operations.OPERATIONS
 
 
