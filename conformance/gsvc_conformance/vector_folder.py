@@ -215,7 +215,7 @@ class VectorFolder:
             _check_since(selection.profile, self.set)
             chosen = [name for name in chosen if not self._made_before_its_profile(name, self.set)]
         if selection.profile:
-            chosen = [name for name in chosen if self.manifest(name)["profile"] in (ANY, selection.profile)]
+            chosen = [name for name in chosen if self.manifest(name).get("profile", ANY) in (ANY, selection.profile)]
         if chosen:
             return chosen
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
@@ -223,7 +223,9 @@ class VectorFolder:
 
     def _made_before_its_profile(self, name: str, its_set: VectorSet) -> bool:
         """Whether a vector of a set states a profile that was unknown when the set was made."""
-        return its_set.number < max(SINCE.values()) and its_set.number < SINCE.get(self.manifest(name)["profile"], 1)
+        return its_set.number < max(SINCE.values()) and its_set.number < SINCE.get(
+            self.manifest(name).get("profile", ANY), 1
+        )
 
     def check_patterns(self, before: str, patterns: tuple[str, ...]) -> None:
         """Refuse a pattern that no vector of the folder matches: it is mistyped.

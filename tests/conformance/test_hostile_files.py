@@ -228,6 +228,13 @@ def test_a_manifest_that_asks_for_too_much(folder, capsys, change, words):
     assert main(["list", "--json", "--vectors", str(folder)]) in (0, 2)
 
 
+def test_a_manifest_without_a_profile_is_of_any(folder, capsys):
+    changed(folder, lambda manifest: manifest.pop("profile"))
+    words = ["--vectors", str(folder), "--impl", "true", "--quiet"]
+    assert main(["run", *words, "--claim", "training,paper,1"]) in (1, 2)
+    assert "stopped by a fault" not in capsys.readouterr().err
+
+
 def test_an_npy_file_is_not_believed(tmp_path):
     head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1099511627776,), }\n"
     with pytest.raises(UsageError, match=r"^x is said to be float64 \(1099511627776,\), and has 8 bytes of data"):
