@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.constants import LN_255
+from gsvc_base.errors import UsageError
 from gsvc_base.rendering.bounds import EPS, error_footprints
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
@@ -220,7 +221,10 @@ def export(vectors: Iterable[Vector], folder: Path) -> tuple[list[str], dict[str
     """
     entries, others = [], {}
     for vector in vectors:
-        reason = left_out(vector)
+        try:
+            reason = left_out(vector)
+        except (LookupError, TypeError, ValueError) as error:  # inputs of a vector of others
+            raise UsageError(f"the inputs of {vector.id} do not fit {vector.operation.name}: {error}") from None
         entry = None if reason else _write(vector, folder)
         if entry:
             entries.append(entry)

@@ -20,7 +20,7 @@ from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
 from gsvc_conformance.profiles import ANY, SINCE
 from gsvc_conformance.reading import MAX_TEXT, check_size, read_json
-from gsvc_conformance.schema import shown
+from gsvc_conformance.schema import cut, shown
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import MANIFEST, PACKED, SUMS, VECTORS, Vector, files_in, from_files, manifest_of
@@ -421,7 +421,9 @@ def check_manifest(name: str, manifest: Mapping[str, Any]) -> None:
         problems += [f"the field {field} of {port}" for field in entry.keys() - known]
     for port, entry in manifest["outputs"].items():
         kind = kinds.get(entry["check"], {}).get("properties", {})
-        problems += [f"the field {field} of {port} (check {entry['check']})" for field in entry.keys() - kind.keys()]
+        problems += [
+            f"the field {field} of {port} (check {cut(entry['check'])})" for field in entry.keys() - kind.keys()
+        ]
     if problems:
         raise UsageError(f"the manifest of {name} has {', '.join(sorted(problems))}, which this kit does "
                         "not know: use the same version of the kit and of the vectors")  # fmt: skip

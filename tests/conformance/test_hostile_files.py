@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import shutil
 import struct
 import sys
 import tempfile
@@ -233,6 +234,19 @@ def test_a_manifest_without_a_profile_is_of_any(folder, capsys):
     words = ["--vectors", str(folder), "--impl", "true", "--quiet"]
     assert main(["run", *words, "--claim", "training,paper,1"]) in (1, 2)
     assert "stopped by a fault" not in capsys.readouterr().err
+
+
+def test_an_export_of_inputs_that_do_not_fit_their_operation(tmp_path, capsys):
+    home = tmp_path / "core/render_sum/a_splat_in_the_middle"
+    shutil.copytree(VECTORS / "core/render_sum/a_splat_in_the_middle", home)
+    np.save(home / "parameters.npy", np.ones(8, "f4"))
+    manifest = json.loads((home / "manifest.json").read_bytes())
+    manifest["inputs"]["parameters"]["sha256"] = hashlib.sha256((home / "parameters.npy").read_bytes()).hexdigest()
+    (home / "manifest.json").write_text(json.dumps(manifest))
+    lines = [f"{hashlib.sha256(data).hexdigest()}  {name}" for name, data in Folder(tmp_path).items()]
+    (tmp_path / SUMS).write_text("\n".join(lines) + "\n")
+    said = refused(capsys, "export", "--gltf", tmp_path / "out", "--vectors", tmp_path)
+    assert "the inputs of core/render_sum/a_splat_in_the_middle do not fit render_sum" in said
 
 
 def test_an_npy_file_is_not_believed(tmp_path):
