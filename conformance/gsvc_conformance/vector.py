@@ -36,7 +36,7 @@ MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.1"
 ERROR_MODEL: Final = "fp32/1"
 FIELDS: Final[Schema] = {
-    **dict.fromkeys(("id", "tier", "operation", "class", "title"), (TEXT, NEEDED)), "profile": (TEXT, ANY),
+    **dict.fromkeys(("id", "tier", "operation", "class", "title", "reason"), (TEXT, NEEDED)), "profile": (TEXT, ANY),
     **dict.fromkeys(("rules", "equations", "flags"), (TEXTS, NEEDED)), "kills": (TEXTS, []), "level": (COUNT, 1),
     "inputs": (OBJECT, NEEDED), "outputs": (OBJECT, NEEDED),
 }  # fmt: skip
