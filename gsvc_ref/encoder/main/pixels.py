@@ -1,7 +1,7 @@
 """Frames of fewer pixels than one splat stands for by default: each pixel gets a splat, so nothing is left to search.
 
 The rules for larger pictures fail here. They weigh the bits of a splat against its error, so the color of a picture
-of one splat may be off by a seventh, although nearly all of the file is its header.
+of one splat would have steps of a seventh of its value, although nearly all of the file is its header.
 """
 
 import math
