@@ -53,7 +53,7 @@ def described_type(value: Any) -> str:
 
 
 def check_unmasked(name: str, value: Any) -> None:
-    """Refuse a masked array, also in a list: what it hides would be read as if it were there."""
+    """Refuse a masked array, also in a list: its masked elements would be used like the others."""
     if (masked := sys.modules.get("numpy.ma")) is None:  # so no such array exists
         return
     parts = value if isinstance(value, list | tuple) else (value,)

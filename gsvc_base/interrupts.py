@@ -1,7 +1,7 @@
 """Ctrl-C, and the signals that ask a process to end: how they are handled while something is encoded or decoded.
 
 `Interrupts` holds Ctrl-C back while a frame is written. `termination_as_ctrl_c` makes SIGTERM and SIGHUP do what Ctrl-C
-does, for programs that want it, and tells the exit code that the signal asks for.
+does, for programs that want it, and gives the exit code for the signal.
 """
 
 import signal
@@ -34,10 +34,9 @@ UNTOUCHED: Final = ("__del__", "close", "detach", "_raw_object_cache_notify", "_
 class Interrupts:
     """Python's own handling of Ctrl-C, `signal.default_int_handler`, with a hold on it; a context manager.
 
-    Only the main thread gets signals, and only where that handler or one of `termination_as_ctrl_c` is in place is
-    anything replaced. An interrupt that
-    comes while llvmlite frees memory or is called by its compiler waits until that is done: raised there, it would be
-    lost, or the same memory be freed twice.
+    Only the main thread gets signals, and a handler is replaced only if it is that one or that of
+    `termination_as_ctrl_c`. An interrupt that comes while llvmlite frees memory or is called by its compiler waits
+    until that is done: raised there, it would be lost, or the same memory be freed twice.
 
     `patient` lets nothing through a hold: what is written goes to a disk, so it will end. `once` holds from the first
     interrupt on: what was begun is being removed.
@@ -124,7 +123,7 @@ def _terminate(number: int, frame: FrameType | None) -> None:
 def termination_as_ctrl_c() -> Iterator[Callable[[int], int]]:
     """Let SIGTERM and SIGHUP do what Ctrl-C does inside of the block, unless somebody else handles them.
 
-    Gives a function of an exit code: of 130, that of Ctrl-C, it makes 128 + the signal that came, as shells report it.
+    Yields a function of an exit code, which turns 130, that of Ctrl-C, into 128 + the signal that came, as shells do.
     """
     replaced = []
     _noted.clear()

@@ -1,4 +1,4 @@
-"""Digests of source files, which tell what one version made from what another did."""
+"""Digests of source files, which distinguish the results of one version from those of another."""
 
 import os
 from collections.abc import Collection, Iterator

@@ -31,7 +31,7 @@ def read(path: Path) -> tuple[NDArray[Any] | None, str]:
         with path.open("rb") as file:
             return np.lib.format.read_array(file, allow_pickle=False), ""
     except Exception as error:  # any file may be there, and the other pictures must be judged
-        return None, f"is no .npy file of numbers ({type(error).__name__}: {error})"
+        return None, f"is not an .npy file of numbers ({type(error).__name__}: {error})"
 
 
 def allowed(home: Path, of_samples: bool) -> tuple[NDArray[Any], NDArray[Any]]:

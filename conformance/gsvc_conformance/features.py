@@ -110,7 +110,7 @@ def read_features(path: Path) -> Features:
     Raises
     ------
     UsageError
-        It is no TOML, or has keys or values that are none.
+        It is not TOML, or has keys or values that are none.
     """
     return features_of(read_toml(path), str(path))
 

@@ -45,7 +45,7 @@ def read_inputs(operation: Operation, path: Path) -> dict[str, Any]:
                              "folder or an .npz file of them")  # fmt: skip
         return {streams[0]: _bytes(path)}
     if path.suffix != ".npz":
-        raise UsageError(f"{path} is no .npz file, no {STREAM} file and no folder of .npy files")
+        raise UsageError(f"{path} is neither an .npz file, nor a {STREAM} file, nor a folder of .npy files")
     try:
         files = Archive(path)
         check_size(f"all of {path} together", sum(map(files.size, files)))
@@ -53,7 +53,7 @@ def read_inputs(operation: Operation, path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
     except UsageError as error:
-        raise UsageError(f"{path} is no .npz file of plain arrays: {error}") from None
+        raise UsageError(f"{path} is not an .npz file of plain arrays: {error}") from None
 
 
 def _of_folder(operation: Operation, folder: Path) -> dict[str, Any]:

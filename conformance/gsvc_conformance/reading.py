@@ -116,7 +116,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     OSError
         It cannot be read.
     UsageError
-        It is no TOML, too large, or nested too deep.
+        It is not TOML, too large, or nested too deep.
     """
     try:
         text = read_text(path)
@@ -124,7 +124,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise UsageError(f"a key has more than {MAX_DOTS} parts")
         return tomllib.loads(text)
     except RecursionError:
-        raise UsageError(f"{path} is no TOML: it is nested too deep; a list in a table is enough") from None
+        raise UsageError(f"{path} is not TOML: it is nested too deep; a list in a table is enough") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
         raise _unless_named(error, path, "TOML") from None
 
@@ -137,7 +137,7 @@ def read_json(path: Path) -> Any:
     OSError
         It cannot be read.
     UsageError
-        It is no JSON, too large, or nested too deep.
+        It is not JSON, too large, or nested too deep.
     """
     try:
         return parse_json(read_bytes(path, MAX_TEXT))
@@ -153,7 +153,7 @@ def parse_json(data: bytes) -> Any:
     UsageError
         It has more than `MAX_TEXT` bytes or is nested too deep.
     ValueError
-        It is no JSON.
+        It is not JSON.
     """
     check_size("the text", len(data), MAX_TEXT)
     try:
@@ -166,7 +166,7 @@ def _unless_named(error: ValueError, path: Path, form: str) -> UsageError:
     """The error of a file, which is named."""
     if isinstance(error, UsageError) and str(path) in str(error):
         return error
-    return UsageError(f"{path} is no {form}: {error}")
+    return UsageError(f"{path} is not {form}: {error}")
 
 
 def parse_npy(data: bytes, name: str, *, foreign: bool = False) -> NDArray[Any]:
@@ -183,7 +183,7 @@ def parse_npy(data: bytes, name: str, *, foreign: bool = False) -> NDArray[Any]:
     try:
         shape, column_order, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
     except Exception as error:  # whatever a hostile header makes of Python's parser
-        raise UsageError(f"{name} is no .npy file of version 1 or 2 ({type(error).__name__})") from None
+        raise UsageError(f"{name} is not an .npy file of version 1 or 2 ({type(error).__name__})") from None
     if dtype.kind not in ("uifb" if foreign else "uif") or len(data) - file.tell() != dtype.itemsize * elements_of(
         shape
     ):

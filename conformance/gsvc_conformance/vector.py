@@ -212,7 +212,7 @@ def manifest_of(data: bytes, name: str) -> dict[str, Any]:
     try:
         manifest: dict[str, Any] = parse_json(data)
     except ValueError as error:
-        raise UsageError(f"{name} is no JSON that this kit reads: {error}") from None
+        raise UsageError(f"{name} is not JSON that this kit reads: {error}") from None
     checked(manifest, FIELDS, name)
     for kind, entries in (("input", manifest["inputs"]), ("output", manifest["outputs"])):
         for port, entry in entries.items():

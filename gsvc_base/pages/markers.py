@@ -32,4 +32,4 @@ def _document(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
-        raise UsageError(f"{path} is no text in UTF-8; give the document that has the lines") from None
+        raise UsageError(f"{path} is not text in UTF-8; give the document that has the lines") from None

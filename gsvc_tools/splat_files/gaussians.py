@@ -151,5 +151,5 @@ def _lost(columns: dict[str, NDArray[Any]], color: F8) -> list[str]:
         lost.append("the clamp of colours at 0: those below it are kept, and take light away")
     known = {*NEEDED, *UNUSED, "z"}
     if unknown := [key for key in columns if key not in known and not key.startswith("f_rest_")]:
-        lost.append(f"properties that are not known here: {', '.join(key[:40] for key in unknown[:8])}")
+        lost.append(f"unknown properties: {', '.join(key[:40] for key in unknown[:8])}")
     return lost

@@ -171,7 +171,7 @@ class NpzSplats:
             if isinstance(error, OSError) and error.errno != errno.EINVAL:  # which a place before the file's start is
                 raise
             why = " ".join(str(error).split()) or type(error).__name__
-            raise GsvcError("malformed", f"{self.path} is no sound NPZ file: {why}") from None
+            raise GsvcError("malformed", f"{self.path} is not a sound NPZ file: {why}") from None
 
     def _member(self, name: str) -> IO[bytes]:
         if f"{name}.npy" not in self._zip.namelist():

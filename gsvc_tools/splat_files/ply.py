@@ -56,7 +56,7 @@ class _Header(NamedTuple):
 def read_ply(path: str | Path) -> Vertices:
     """The properties of the vertices of a PLY file.
 
-    A GsvcError is ``malformed`` where it is no PLY file, ends early or goes on after all that its header states,
+    A GsvcError is ``malformed`` where it is not a PLY file, ends early or goes on after all that its header states,
     ``unsupported`` where it has another layout, ``limit`` for more than 2^22 vertices or 1000 properties.
     """
     path = Path(path)
@@ -134,7 +134,7 @@ def _lines(file: BinaryIO, name: str) -> list[str]:
             )
         text = line.decode("ascii", "replace").strip()
         if not lines and text != "ply":
-            raise GsvcError("malformed", f"{name} is no PLY file; it does not begin with 'ply'")
+            raise GsvcError("malformed", f"{name} is not a PLY file; it does not begin with 'ply'")
         if not line.endswith(b"\n"):
             raise GsvcError("malformed", f"{name} ends inside its header; fetch or write it again")
         if text == "end_header":

@@ -176,8 +176,8 @@ def interlaced(name: str) -> str:
 def uneven(name: str, rate: Fraction) -> str:
     """A note about a source whose frames are unevenly spaced, with this mean rate."""
     return (
-        f"frames of {name} are not evenly spaced in time ({float(rate):.5g} per second on average); their time stamps "
-        f"go along with them"
+        f"frames of {name} are not evenly spaced in time ({float(rate):.5g} per second on average); the "
+        f"stream keeps their time stamps"
     )
 
 

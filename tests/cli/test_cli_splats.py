@@ -135,7 +135,7 @@ def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, caps
     ("arguments", "status", "message"),
     [
         (["import", "no.npz", "x.gsvc"], 2, "there is no file 'no.npz'"),
-        (["import", "bad.npz", "x.gsvc"], 1, "bad.npz is no sound NPZ file"),
+        (["import", "bad.npz", "x.gsvc"], 1, "bad.npz is not a sound NPZ file"),
         (["import", "bad.ply", "x.gsvc", "--width", "9", "--height", "9"], 1, "does not begin with 'ply'"),
         (["import", "bad.txt", "x.gsvc"], 2, "neither one NPZ file nor PLY"),
         (["import", "pipe.npz", "x.gsvc"], 2, "pipe.npz is not a regular file"),

@@ -324,7 +324,7 @@ def test_a_text_that_is_too_large_is_not_read(tmp_path):
     ("text", "words"),
     [("a = " + "[" * 50_000, "nested too deep"), ("a = " + "{b=" * 50_000, "nested too deep"),
      (".".join("a" * 100_000) + " = 1", "more than 32 parts"), ("[" + ".".join("a" * 100_000) + "]", "32 parts"),
-     ("a = {" + " . ".join(["'a'"] * 100_000) + " = 1}", "more than 32 parts"), ("a = 1" + "0" * 5000, "is no TOML")],
+     ("a = {" + " . ".join(["'a'"] * 100_000) + " = 1}", "more than 32 parts"), ("a = 1" + "0" * 5000, "is not TOML")],
 )  # fmt: skip
 def test_toml_of_a_hostile_form_is_refused_at_once(tmp_path, reader, text, words):
     path = tmp_path / "x.toml"

@@ -191,7 +191,7 @@ def result_from(value: Any, what: str) -> Result:
 
 def _table_from(table: Mapping[str, Any]) -> Table:
     if any(len(row) != len(table["columns"]) + 1 for row in table["rows"]):
-        raise UsageError(f"a table has a row that is no name and a cell for each column{AS_WRITTEN}")
+        raise UsageError(f"a table has a row that is not a name with a cell for each column{AS_WRITTEN}")
     return Table(table["title"], tuple(table["columns"]), tuple(map(tuple, table["rows"])))
 
 

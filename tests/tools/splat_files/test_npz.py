@@ -90,7 +90,7 @@ def test_objects_are_never_unpickled(tmp_path):
         NpzSplats(path)
     with zipfile.ZipFile(path, "w") as archive:
         archive.writestr("parameters.npy", pickle.dumps(print))
-    with pytest.raises(GsvcError, match="no sound NPZ file"):
+    with pytest.raises(GsvcError, match="not a sound NPZ file"):
         NpzSplats(path)
 
 

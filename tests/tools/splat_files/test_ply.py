@@ -51,7 +51,7 @@ def test_a_covariance_is_projected_as_by_its_definition():
 def test_what_is_lost_is_said():
     columns = gaussians(f_rest_0=1, f_rest_1=0, nx=0, mine=2, f_dc_0=-9)
     said = " ".join(from_gaussians(columns).lost)
-    for part in ("1 coefficients f_rest_*", "what hides what", "depth", "colours at 0", "not known here: mine"):
+    for part in ("1 coefficients f_rest_*", "what hides what", "depth", "colours at 0", "unknown properties: mine"):
         assert part in said
 
 
