@@ -1,4 +1,4 @@
-"""Many globs over many names: each is compiled at most once, and tried only on names that contain its rarest literal."""
+"""Many globs over many names: each is compiled at most once, and tried only on names with its rarest literal."""
 
 import re
 from bisect import bisect_right

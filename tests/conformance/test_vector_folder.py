@@ -140,7 +140,7 @@ def other(path):
         (changed(inputs=lambda entries: {name: {"file": "../../../../etc/hostname"} for name in entries}), "cannot be"),
         (changed(inputs=lambda entries: {name: {"value": "text"} for name in entries}), "is not an array of numbers"),
         (changed(outputs=lambda entries: {name: {} for name in entries}), "cannot be read"),
-        (pickled, "core/scale/by_two/values.npy is said to be object (1,)"),
+        (pickled, "core/scale/by_two/values.npy has elements of type object"),
         (zipped, "core/scale/by_two/values.npy is not an .npy file of version 1 or 2"),
         (other, "core/scale/by_two/values.npy is not the file of which its manifest.json has the SHA-256"),
         (with_runs, "core/scale/by_two/values.npy do not fit its 6 elements and the shape (3, 2)"),
