@@ -196,7 +196,7 @@ def parse_npy(data: bytes, name: str, *, foreign: bool = False) -> NDArray[Any]:
         raise UsageError(f"{name} has elements of type {dtype}; they must be integers or floating-point numbers")
     size = len(data) - file.tell()
     if size != dtype.itemsize * elements_of(shape):
-        raise UsageError(f"the header of {name} tells of {dtype} {shape}, but {size} bytes of data follow")
+        raise UsageError(f"{name} has {size} bytes of data, which do not fit its type {dtype} and shape {shape}")
     if dtype.str.startswith(">") and not foreign:
         raise UsageError(f"{name} has numbers of type {dtype.str}, most significant byte first; write it last")
     flat = np.frombuffer(data, dtype, offset=file.tell())

@@ -394,7 +394,7 @@ def _damaged(vector: Path, advice: str) -> Iterator[None]:
         raise
     except OSError:
         raise
-    except Exception as error:  # whatever a hostile manifest makes of what reads it
+    except Exception as error:  # a hostile manifest may raise anything
         raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {advice}") from None
 
 
