@@ -1,7 +1,7 @@
 """Folders that a command adopts: finished groups of ``--resume``, what the kit keeps, own vectors, caches, the site.
 
 Their names can be guessed, and what they hold is read, replaced and removed. So such a folder must belong to the user,
-nobody else may write to it, and a record in it tells that this program made it. It is opened once; everything in it is
+nobody else may write to it, and a record in it shows that this program made it. It is opened once; everything in it is
 reached from there, by name and through no link. A file is read only if it is a regular one, and written under a new
 name that is then given the final one. Files are removed by name: none goes because its name looks like ours.
 """
@@ -27,37 +27,37 @@ RELATIVE: Final = bool(FOLDER) and {os.open, os.stat, os.unlink, os.rename, os.m
 """Whether names can be looked up in an opened folder. Elsewhere, as on Windows, its path is checked and then used."""
 
 TRIES: Final = 3
-"""How many names are tried for a file in the making; something that cannot be removed may have the first ones."""
+"""How many temporary names are tried; something that cannot be removed may have the first ones."""
 
-SIGNATURE: Final = "sha256"
+DIGEST: Final = "sha256"
 """The member of a record that is the digest of the others."""
 
 MAX_RECORD: Final = 1 << 24
 """Maximum number of bytes of a record."""
 
 
-class StrangeFileError(OSError):
-    """What has the name of a file is something else, or is too large."""
+class UnusableFileError(OSError):
+    """What has the name is not a regular file, or is too large."""
 
 
 class Record(NamedTuple):
-    """The members of a record without the signature, and whether that fits."""
+    """The members of a record without the digest, and whether the digest fits."""
 
     fields: dict[str, Any]
-    is_signed: bool
+    is_intact: bool
 
 
 class OwnFolder:
     """A folder that belongs to the user and that nobody else can write to; as a context manager it is closed.
 
-    Names of files in it may have folders before them, with ``/`` on every system; these are made where need be.
+    Names of files in it may have folders before them, with ``/`` on every system; these are made if needed.
 
     Parameters
     ----------
     path
         It is made if it does not exist; the folder that contains it must exist.
     record
-        Name of the record that tells that this program made the folder; without it the folder has to be empty. None:
+        Name of the record that shows that this program made the folder; without it the folder has to be empty. None:
         the folder may hold anything, since `write_listed` asks for a record in each part of it.
     lock
         Name of a file that is locked until the folder is closed, and then removed; None: nothing is locked.
@@ -71,7 +71,8 @@ class OwnFolder:
     Raises
     ------
     UsageError
-        It is a link, a file, of another user, open to others, or holds something else, also in place of the lock.
+        It is a link or a file, belongs to another user, others can write to it, it holds something else, or the lock is
+        not a regular file.
     BlockingIOError
         Somebody else holds the lock.
     OSError
@@ -109,7 +110,7 @@ class OwnFolder:
         self.close()
 
     def close(self) -> None:
-        """Let others have the lock; harmless when the folder is closed already."""
+        """Release the lock; harmless if the folder is closed already."""
         if self._lock is not None and self._lock_name is not None:
             if not RELATIVE:  # Windows removes no file that is open, and has locked none
                 self._lock.close()
@@ -131,7 +132,7 @@ class OwnFolder:
             self._lock = self._here.open(name, "ab")
             found = os.fstat(self._lock.fileno())
             self._here.check_regular(name, found)
-        except StrangeFileError as error:
+        except UnusableFileError as error:
             raise UsageError(str(error)) from None
         if try_lock(self._lock) is False:
             raise BlockingIOError(errno.EWOULDBLOCK, "another process uses it", str(self.path))
@@ -148,17 +149,17 @@ class OwnFolder:
                 )
 
     def names(self) -> list[str]:
-        """The names of all that stands in the folder."""
+        """The names of everything in the folder."""
         return self._here.names()
 
     def read(self, name: str, most: int) -> bytes:
-        """The contents of a regular file of at most so many bytes.
+        """The contents of a regular file of at most `most` bytes.
 
         Raises
         ------
         FileNotFoundError
             Nothing has the name.
-        StrangeFileError
+        UnusableFileError
             It is a link, folder, device or FIFO, or larger.
         OSError
             It cannot be read.
@@ -168,11 +169,11 @@ class OwnFolder:
             return here.read(last, most)
 
     def write(self, name: str, data: bytes, *, durable: bool = False) -> None:
-        """Give a complete file a name, in place of what had it; if `durable`, a power cut from here on does no harm.
+        """Write a complete file in place of what had its name; if `durable`, it survives a power cut from here on.
 
         Raises
         ------
-        StrangeFileError
+        UnusableFileError
             A folder has the name.
         OSError
             It cannot be written, as on a full disk. Nothing is left of it.
@@ -205,7 +206,7 @@ class OwnFolder:
                 os.rmdir(self.path)
 
     def remove_others(self, name: str) -> None:
-        """Remove all but what has a name, and all that is in it, from a folder that holds nothing of anybody else."""
+        """Remove everything except one name from a folder that holds nothing of anybody else."""
         for other in set(self.names()) - {name}:
             if self._here.handle is None:
                 shutil.rmtree(self.path / other, ignore_errors=True)
@@ -213,25 +214,25 @@ class OwnFolder:
                 shutil.rmtree(other, ignore_errors=True, dir_fd=self._here.handle)
 
     def record(self, name: str) -> Record:
-        """A record; empty and unsigned if it is not one.
+        """A record; empty and not intact if the file does not hold one.
 
         Raises
         ------
-        FileNotFoundError, StrangeFileError, OSError
+        FileNotFoundError, UnusableFileError, OSError
             As from `read`.
         """
         data = self.read(name, MAX_RECORD)
         try:
             fields = json.loads(data)
-            signature = fields.pop(SIGNATURE, None)
-        except (ValueError, AttributeError, TypeError, RecursionError):
-            return Record({}, is_signed=False)
-        return Record(fields, is_signed=signature == _signature(fields))
+            stated = fields.pop(DIGEST, None)
+            return Record(fields, is_intact=stated == _digest(fields))
+        except (ValueError, AttributeError, TypeError, RecursionError):  # also of one nested too deep to write again
+            return Record({}, is_intact=False)
 
     def write_record(self, name: str, fields: Mapping[str, Any], *, durable: bool = False) -> None:
-        """Write a record, whose members have to be what JSON has."""
-        signed = {**fields, SIGNATURE: _signature(fields)}
-        self.write(name, json.dumps(signed, indent=1).encode(), durable=durable)
+        """Write a record, whose members must be values that JSON has."""
+        complete = {**fields, DIGEST: _digest(fields)}
+        self.write(name, json.dumps(complete, indent=1).encode(), durable=durable)
 
     def write_listed(self, record: str, files: Mapping[str, bytes]) -> None:
         """Write files beside a record that lists them, in place of those that the same record lists.
@@ -260,11 +261,11 @@ class OwnFolder:
         """
         home = record.rpartition("/")[0]
         try:
-            fields, is_signed = self.record(record)
+            fields, is_intact = self.record(record)
         except FileNotFoundError:
             return
         files = fields.get("files")
-        if not is_signed or not isinstance(files, list) or not all(map(_is_name, files)):
+        if not is_intact or not isinstance(files, list) or not all(map(_is_name, files)):
             raise UsageError(f"{self.path / record} is damaged: remove {self.path / home}, or choose another name")
         names = [*(f"{home}/{name}" if home else name for name in files), record]
         folders = {name[:at] for name in names for at, letter in enumerate(name) if letter == "/" and at >= len(home)}
@@ -296,14 +297,14 @@ class OwnFolder:
 
 
 def prepare_folder(path: Path, record: str, files: Iterable[str]) -> None:
-    """Make a folder ready for files that others write: those that its record lists go, and it lists these."""
+    """Prepare a folder for files written elsewhere: remove those that its record lists, and list these instead."""
     with OwnFolder(path, mode=0o755, group=True) as own:
         own.remove_listed(record)
         own.write_record(record, {"files": sorted(files)})
 
 
 def read_regular(path: Path, most: int) -> bytes:
-    """The contents of a file as `OwnFolder.read` gives them, from a folder of anybody that is not a link."""
+    """The contents of a file as `OwnFolder.read` gives them, from any user's folder that is not a link."""
     here = _Opened(path.parent, None)
     try:
         return here.read(path.name, most)
@@ -347,7 +348,7 @@ class _Opened:
 
     def check_regular(self, name: str, status: os.stat_result) -> None:
         if not stat.S_ISREG(status.st_mode):
-            raise StrangeFileError(f"{self.path / name} is not a regular file: remove it")
+            raise UnusableFileError(f"{self.path / name} is not a regular file: remove it")
 
     def open(self, name: str, mode: Literal["rb", "xb", "ab"]) -> BinaryIO:
         return open(self._at(name), mode, opener=partial(open_at_once, dir_fd=self.handle))
@@ -368,7 +369,7 @@ class _Opened:
             status = os.fstat(file.fileno())
             self.check_regular(name, status)
             if status.st_size > most or len(data := file.read(most + 1)) > most:
-                raise StrangeFileError(f"{self.path / name} has {status.st_size} bytes; at most {most} are read")
+                raise UnusableFileError(f"{self.path / name} has {status.st_size} bytes; at most {most} are read")
         return data
 
     def write(self, name: str, data: bytes, *, durable: bool) -> None:
@@ -385,7 +386,7 @@ class _Opened:
                 self.unlink(part)
             with suppress(FileNotFoundError):
                 if isinstance(error, OSError) and stat.S_ISDIR(self.status(name).st_mode):
-                    raise StrangeFileError(f"{self.path / name} is a folder: remove it") from None
+                    raise UnusableFileError(f"{self.path / name} is a folder: remove it") from None
             raise
         if durable and self.handle is not None:
             with suppress(OSError):  # not every system can do this to a folder
@@ -398,7 +399,7 @@ class _Opened:
                 self.unlink(part)
             with suppress(FileExistsError):
                 return part, self.open(part, "xb")
-        raise StrangeFileError(f"{self.path / part} is not a file of this command: remove it")
+        raise UnusableFileError(f"{self.path / part} is not a file of this command: remove it")
 
     def remove(self, name: str) -> None:
         for part in _parts_of(name):
@@ -428,7 +429,7 @@ def _check_folder(status: os.stat_result, path: Path, others: int | None) -> Non
 def _split(name: str) -> tuple[str, str]:
     """The folder of a name, and its last part; a name that leads elsewhere is refused."""
     if not _is_name(name):
-        raise StrangeFileError(f"{name!r} is not the name of a file in a folder")
+        raise UnusableFileError(f"{name!r} is not the name of a file in a folder")
     folder, _, last = name.rpartition("/")
     return folder, last
 
@@ -443,5 +444,5 @@ def _is_name(value: object) -> bool:
     )
 
 
-def _signature(fields: Mapping[str, Any]) -> str:
+def _digest(fields: Mapping[str, Any]) -> str:
     return sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()

@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 from errno import ENOSPC
 from pathlib import Path
 
@@ -10,7 +11,7 @@ from adopted import KINDS, NOBODY, as_nobody, in_the_way, only_root, posix
 
 from gsvc_base import folders
 from gsvc_base.errors import UsageError
-from gsvc_base.folders import OwnFolder, StrangeFileError, read_regular
+from gsvc_base.folders import OwnFolder, UnusableFileError, read_regular
 
 
 @pytest.fixture(params=["relative", "by path"])
@@ -28,7 +29,7 @@ def test_files_are_written_read_and_removed_by_name(ways, tmp_path):
         own.write("a", b"22")
         own.write("b/c/d", b"3")
         assert (own.read("a", 2), own.read("b/c/d", 9)) == (b"22", b"3")
-        with pytest.raises(StrangeFileError, match="has 2 bytes; at most 1 are read"):
+        with pytest.raises(UnusableFileError, match="has 2 bytes; at most 1 are read"):
             own.read("a", 1)
         with pytest.raises(FileNotFoundError):
             own.read("x/y", 1)
@@ -50,12 +51,12 @@ def test_what_is_not_a_regular_file_is_neither_read_nor_written_through(ways, tm
     with OwnFolder(tmp_path / "own") as own:
         for name in ("a", ".a.0.part"):
             in_the_way(kind, own.path / name, victim)
-        with pytest.raises(StrangeFileError, match="own/a is not a regular file: remove it"):
+        with pytest.raises(UnusableFileError, match="own/a is not a regular file: remove it"):
             own.read("a", 100)
-        with pytest.raises(StrangeFileError, match="not a regular file"):
+        with pytest.raises(UnusableFileError, match="not a regular file"):
             read_regular(own.path / "a", 100)
         if kind == "folder":
-            with pytest.raises(StrangeFileError, match="own/a is a folder: remove it"):
+            with pytest.raises(UnusableFileError, match="own/a is a folder: remove it"):
                 own.write("a", b"new")
             with pytest.raises(OSError, match=r"irectory|permitted"):
                 own.remove("a")
@@ -163,7 +164,7 @@ def test_a_full_disk_leaves_the_old_file_alone(ways, monkeypatch, tmp_path, call
         assert (own.read("x", 3), own.names()) == (b"old", ["x"])
 
 
-def test_records_are_signed_and_list_what_is_removed(ways, tmp_path):
+def test_records_have_a_digest_and_list_what_is_removed(ways, tmp_path):
     with OwnFolder(tmp_path / "a") as own:
         own.write_listed("v/kept.json", {"in/x": b"1", "in/y": b"2", "z": b"3"})
         assert own.record("v/kept.json") == ({"files": ["in/x", "in/y", "z"]}, True)
@@ -192,7 +193,7 @@ def test_a_record_that_leads_elsewhere_removes_nothing(tmp_path, files):
         with pytest.raises(UsageError, match=r"kept.json is damaged"):
             own.remove_listed("kept.json")
         for attempt in (lambda: own.read("../x", 1), lambda: own.write("../x", b""), lambda: own.remove("../x")):
-            with pytest.raises(StrangeFileError, match=r"'\.\./x' is not the name of a file in a folder"):
+            with pytest.raises(UnusableFileError, match=r"'\.\./x' is not the name of a file in a folder"):
                 attempt()
     assert (tmp_path / "x").exists()
 
@@ -200,10 +201,17 @@ def test_a_record_that_leads_elsewhere_removes_nothing(tmp_path, files):
 @pytest.mark.parametrize(
     "data", [b"", b"[]", b"5", b"{", b"[" * 100_000, b'{"files": []}', b'{"sha256": 5}', b"\xff"], ids=len
 )
-def test_what_is_not_a_record_has_no_signature(tmp_path, data):
+def test_what_is_not_a_record_is_not_intact(tmp_path, data):
     with OwnFolder(tmp_path / "a") as own:
         own.write("r", data)
-        assert not own.record("r").is_signed
+        assert not own.record("r").is_intact
+
+
+def test_a_record_nested_as_deep_as_json_reads_is_not_intact(tmp_path):
+    with OwnFolder(tmp_path / "a") as own:
+        for depth in range(sys.getrecursionlimit() - 300, sys.getrecursionlimit()):  # one of them cannot be written
+            own.write("r", b'{"a":' + b"[" * depth + b"]" * depth + b"}")
+            assert not own.record("r").is_intact
 
 
 @only_root

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
-from gsvc_base.folders import StrangeFileError, read_regular
+from gsvc_base.folders import UnusableFileError, read_regular
 from gsvc_conformance.implementations import Answer, Failure, Unsupported
 from gsvc_conformance.operation import Operation, Port, Values
 from gsvc_conformance.reading import MAX_BYTES, parse_npy
@@ -204,7 +204,7 @@ def _read_file(path: Path, most: int) -> bytes:
         return read_regular(path, most)
     except FileNotFoundError:
         raise ValueError(f"there is no {path.name}") from None
-    except (StrangeFileError, UsageError) as error:
+    except (UnusableFileError, UsageError) as error:
         raise ValueError(str(error).replace(str(path), path.name)) from None
     except OSError as error:
         raise ValueError(f"{path.name} cannot be read: {error.strerror}") from None

@@ -110,7 +110,8 @@ def draw(still: Still, paper: Sequence[Moment], quick: Sequence[Moment], run: Ru
     curve = save_figure(figure, run.folder, "iterations-curve")
     return {
         pictures: f"{still.name} after more and more iterations of the paper's schedule.",
-        curve: "PSNR against iterations. paper: one fit, looked at on its way; quick: each point is a fit of its own.",
+        curve: "PSNR against iterations. paper: one fit, measured at several iterations; quick: each point is a "
+        "separate fit.",
     }
 
 

@@ -18,9 +18,9 @@ LONG: Final = 24
 
 INTRODUCTION: Final = (
     "Each experiment of the paper, made again with gsvc_ref: what the paper says in our words, what was measured here, "
-    "and whether it holds. Small versions take minutes; the large ones (--full) come "
-    "nearer to the paper's counts; each verdict says what it is about. PSNR is of 8-bit R′G′B′; of several frames it "
-    "is the mean of their dB."
+    "and whether it holds. Small versions take minutes; the large ones (--full) come nearer to the "
+    "paper's counts; each verdict says what it is based on. PSNR is of 8-bit R′G′B′; of several frames it is the mean "
+    "of their dB."
 )
 
 

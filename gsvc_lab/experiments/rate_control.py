@@ -268,7 +268,7 @@ def run(run: Run) -> Result:
 EXPERIMENT: Final = Experiment(
     "rate_control",
     "Constant rate and constant quality",
-    "Constant rate is had by the same number of splats in every frame, with varying quality; constant quality by "
+    "Constant rate comes from the same number of splats in every frame, with varying quality; constant quality from "
     "removing splats during training while the frame stays above a threshold, with varying rate (section 3.4). The "
     "paper's experiments use constant rate alone and print no bits by frame.",
     run,

@@ -79,7 +79,7 @@ class Layers:
 
     @property
     def splats(self) -> Splats:
-        """The splats of the frame, joined when they are asked for."""
+        """The splats of the frame, joined on each access."""
         return Splats.joined([state.splats for state in self.parts])
 
     @property

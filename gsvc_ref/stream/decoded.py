@@ -41,7 +41,7 @@ class DecodedFrame:
     number: int  # `frame_number`, 0 for the first
     type: FrameType
     codes: AnyCodes  # those that the bytes hold: `FrameCodes` of profile `paper`, `MainCodes` of `main`
-    base: Splats  # of the base, which is all there is without layers
+    base: Splats  # of the base; without layers, all splats
     bits: dict[str, int]  # of the chunk by category (`categories_of` the profile); together 8 · `size`
     offset: int  # of the chunk, in bytes from the start of the stream
     size: int  # of the chunk, in bytes
@@ -67,7 +67,7 @@ class DecodedFrame:
         return replace(self, chunks=(*self.chunks, chunk), layers=chunk.layers)
 
     def repeats(self, before: "DecodedFrame") -> bool:
-        """Whether it has the very splats of the frame `before`: base and layers repeat, or have none."""
+        """Whether it has the same splats as the frame `before`: base and layers repeat, or have none."""
         ours, theirs = self.parts, before.parts
         return len(ours) == len(theirs) and all(one is other for one, other in zip(ours, theirs, strict=True))
 

@@ -15,7 +15,7 @@ Background = tuple[int, int, int]
 def background_of(color: str | Sequence[int] | None) -> Background | None:
     """A color by its name in CSS, as ``#rrggbb``, or by three numbers 0..255; None is none.
 
-    A UsageError says that it is no color, or that it is transparent itself.
+    A UsageError says that it is not a color, or that it is transparent itself.
     """
     if color is None:
         return None
@@ -29,7 +29,7 @@ def background_of(color: str | Sequence[int] | None) -> Background | None:
         except ValueError:
             samples = ()
     if len(samples) != 3:
-        raise UsageError(f"the background {color!r} is no color; give a name such as white, or #rrggbb")
+        raise UsageError(f"the background {color!r} is not a color; give a name such as white, or #rrggbb")
     for sample in samples:
         check_whole("a sample of the background", sample)
         check_range("a sample of the background", sample, 0, 255)
@@ -54,16 +54,16 @@ def check_alpha(alpha: Frame, peak: int, background: Background | None, name: st
 
 
 def flattened(frame: Frame, alpha: Frame, peak: int, background: Background) -> Frame:
-    """A frame (H, W, 3) with its alpha (H, W), both with samples 0..peak, on a background, as browsers show it.
+    """A frame (H, W, 3) with its alpha (H, W), both with samples 0..peak, on a background, as browsers do it.
 
     Samples of R'G'B' are mixed as they are, and rounded.
     """
     a = alpha[..., None].astype(np.uint64)
-    behind = (np.array(background, np.uint64) * peak + 127) // 255
-    mixed = (frame * a + behind * (peak - a) + peak // 2) // peak
+    below = (np.array(background, np.uint64) * peak + 127) // 255
+    mixed = (frame * a + below * (peak - a) + peak // 2) // peak
     return mixed.astype(frame.dtype)
 
 
-def told(name: str, background: Background | None) -> str:
-    """A sentence about a source that has been flattened."""
+def flattening_note(name: str, background: Background | None) -> str:
+    """A note about a source that has been flattened."""
     return f"transparent places of {name} show the background #{bytes(background or ()).hex()}"

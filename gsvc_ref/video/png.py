@@ -16,7 +16,7 @@ from gsvc_base.arrays import I2, U1, Frame
 from gsvc_base.checks import check_unmasked
 from gsvc_base.errors import GsvcError
 from gsvc_ref._jit import kernel
-from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
+from gsvc_ref.video.alpha import Background, check_alpha, flattened, flattening_note
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, check_size
 
 PNG_SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
@@ -223,7 +223,7 @@ def decode_png(data: bytes, name: str, background: Background | None = None) -> 
     if alpha is not None:
         is_opaque = check_alpha(alpha, peak, background, name)
         dropped = "an alpha channel that is opaque everywhere was dropped"
-        notes.append(dropped if is_opaque else told("pictures", background))
+        notes.append(dropped if is_opaque else flattening_note("pictures", background))
     if b"acTL" in chunks:
         notes.append("of an animated PNG only the still picture is read")
     if b"iCCP" in chunks and b"cICP" not in chunks:

@@ -16,7 +16,7 @@ from gsvc_ref.cli.files import MAGIC_RULE, STDIO, add_background, check_input, d
 
 if TYPE_CHECKING:
     from gsvc_ref.video import VideoFormat
-    from gsvc_tools.viewing.entrance import Entrance
+    from gsvc_tools.viewing.redirect_page import RedirectPage
     from gsvc_tools.viewing.server import Server
     from gsvc_tools.viewing.source_frames import SourceFrames
     from gsvc_tools.viewing.streams import StreamBytes
@@ -25,7 +25,7 @@ GSVC_VIEW: Final = "gsvc view"
 LOOK_S: Final = 0.5
 """Seconds between two looks at what comes."""
 BROWSER_S: Final = 15.0
-"""Seconds after which a browser that has not come is not expected any more."""
+"""Seconds after which a browser that has not asked for the page is no longer expected."""
 
 
 def add_command(commands: Any) -> None:
@@ -67,16 +67,16 @@ def run(arguments: Namespace) -> int:
     """Serve until Ctrl-C; 130, as of every command that it ends."""
     _check(arguments)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
-    from gsvc_tools.viewing.entrance import Entrance
+    from gsvc_tools.viewing.redirect_page import RedirectPage
     from gsvc_tools.viewing.server import Viewing, serving
 
     with compilation_notice(GSVC_VIEW, silent=arguments.no_browser):
         stream, source = _opened(arguments)
     try:
         name = "standard input" if arguments.input == STDIO else Path(arguments.input).name
-        with serving(Viewing(name, stream, source), arguments.port) as server, closing(Entrance()) as entrance:
-            _introduce(arguments, server, entrance)
-            _watch(arguments.input, stream, server, entrance)
+        with serving(Viewing(name, stream, source), arguments.port) as server, closing(RedirectPage()) as redirect:
+            _introduce(arguments, server, redirect)
+            _watch(arguments.input, stream, server, redirect)
     except KeyboardInterrupt:
         say(GSVC_VIEW, "ended; the page goes on with what it has read")
         return EXIT_INTERRUPTED
@@ -86,25 +86,25 @@ def run(arguments: Namespace) -> int:
             source.close()
 
 
-def _watch(name: str, stream: "StreamBytes", server: "Server", entrance: "Entrance") -> NoReturn:
-    """Wait for Ctrl-C, and look at what comes: whether it is a stream, and whether the browser is there."""
+def _watch(name: str, stream: "StreamBytes", server: "Server", redirect: "RedirectPage") -> NoReturn:
+    """Wait for Ctrl-C; check that what arrives is a stream, and that the browser asks for the page."""
     from gsvc_ref.bitstream.chunks import MAGIC
 
-    known, limit_told, patience = not stream.live, False, BROWSER_S
+    known, limit_announced, patience = not stream.live, False, BROWSER_S
     while True:
         time.sleep(LOOK_S)
         if stream.fault is not None:
             raise stream.fault
         if not known and (known := stream.size() >= len(MAGIC)) and stream.read(0, len(MAGIC)) != MAGIC:
-            message = f"{display_name(name)} is no GSVC stream; encode a video first: gsvc encode IN - --live"
+            message = f"{display_name(name)} is not a GSVC stream; encode a video first: gsvc encode IN - --live"
             raise GsvcError("malformed", message, rule=MAGIC_RULE, bit=0)
-        if stream.is_full and not limit_told:
-            limit_told = True
+        if stream.is_full and not limit_announced:
+            limit_announced = True
             kept = f"{display_name(name)} has more than {plural(stream.size(), 'byte')}"
             say(GSVC_VIEW, f"{kept}: the page shows these, and the rest is not read; a greater --max-bytes keeps more")
         if server.is_known.is_set():
-            entrance.close()
-        elif entrance.is_open() and 0 < patience <= LOOK_S:
+            redirect.close()
+        elif redirect.is_open() and 0 < patience <= LOOK_S:
             say(GSVC_VIEW, "no browser has asked for the page so far; if none shows it, open the address above in one")
         patience -= LOOK_S
 
@@ -169,7 +169,7 @@ def _check_fits(arguments: Namespace, video: "VideoFormat", source: "VideoFormat
             )
 
 
-def _introduce(arguments: Namespace, server: "Server", entrance: "Entrance") -> None:
+def _introduce(arguments: Namespace, server: "Server", redirect: "RedirectPage") -> None:
     """Say where it is, and open the browser."""
     if arguments.no_browser:
         show(server.url)
@@ -178,11 +178,11 @@ def _introduce(arguments: Namespace, server: "Server", entrance: "Entrance") -> 
     show(f"{display_name(arguments.input)}{beside}: {server.url}", "  Ctrl-C ends it")
     if arguments.live and not Path(arguments.input).exists() and arguments.input != STDIO:
         show(f"  note: {arguments.input} is not there yet; it is shown as soon as gsvc encode --live writes it")
-    for note in _open_browser(server, entrance):
+    for note in _open_browser(server, redirect):
         show(f"  note: {note}")
 
 
-def _open_browser(server: "Server", entrance: "Entrance") -> list[str]:
+def _open_browser(server: "Server", redirect: "RedirectPage") -> list[str]:
     """Open it, if there is one here for people to see; else sentences that say what to do."""
     import webbrowser
 
@@ -193,14 +193,14 @@ def _open_browser(server: "Server", entrance: "Entrance") -> list[str]:
             f"ssh -L {port}:127.0.0.1:{port} HOST, and open the address there"
         ]
     try:
-        page = entrance.lead_to(server.url)
+        page = redirect.write(server.url)
     except OSError as error:
         return [
-            f"no browser is opened, since no page can be written for it ({error.strerror}): open the address in one"
+            f"no browser is opened, since its page cannot be written ({error.strerror}): open the address above in one"
         ]
     if not webbrowser.open(page.as_uri()):
-        entrance.close()
-        return ["no browser was found: open the address in one"]
+        redirect.close()
+        return ["no browser was found: open the address above in one"]
     return []
 
 

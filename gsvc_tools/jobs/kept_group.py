@@ -1,4 +1,4 @@
-"""An encoded group of pictures as bytes and back, so that another encode can go on with it.
+"""An encoded group of pictures as bytes and back, so that another encode can resume from it.
 
 It is a `.gsvc` stream: its frames with their layers, and after each frame a private chunk with the rest of its
 `EncodedFrame`, as JSON. So the decoder reads it, which takes any bytes, and every chunk has a checksum. The last
@@ -36,7 +36,7 @@ FRAME_RECORD, GROUP_RECORD = "p", "q"
 MAX_RECORD: Final = 1 << 16
 """Maximum number of bytes of a record; those of gsvc_ref have about 600."""
 
-NOT_A_GROUP: Final = "the bytes are no group of pictures that an encode has kept"
+NOT_A_GROUP: Final = "the bytes are not a group of pictures that an encode has kept"
 
 
 class GroupWriter:
@@ -123,7 +123,7 @@ class KeptGroup:
     Raises
     ------
     GsvcError
-        It is no group of pictures that was kept, or not all of it: every checksum is looked at.
+        It is not a complete group of pictures that was kept; every checksum is verified.
     """
 
     def __init__(self, data: bytes) -> None:
@@ -189,7 +189,7 @@ def _records(data: bytes) -> Iterator[tuple[str, dict[str, Any]]]:
     Raises
     ------
     GsvcError
-        The record of the group is not the last chunk, or the chunks before it are not those of which it tells.
+        The record of the group is not the last chunk, or does not fit the chunks before it.
     """
     decoder = ChunkDecoder(Source(data))
     place, kind = decoder.first, 0
@@ -202,13 +202,13 @@ def _records(data: bytes) -> Iterator[tuple[str, dict[str, Any]]]:
             record = _parsed(bytes(payload.raw("payload", payload.bytes_left)))
             chunks = memoryview(data)[decoder.first.offset : place.offset]
             if chr(kind) == GROUP_RECORD and record.get("chunks") != sha256(chunks).hexdigest():
-                raise GsvcError("malformed", "its frames are not those that its records are of")
+                raise GsvcError("malformed", "its frames do not belong to its records")
             yield chr(kind), record
         place = decoder.hop(place)[1]
 
 
 def _parsed(payload: bytes) -> dict[str, Any]:
-    """A record, which is believed to be no more than JSON."""
+    """A record, of which nothing is trusted but that it is JSON."""
     try:
         if len(payload) > MAX_RECORD or payload[:UUID_SIZE] != OURS:
             raise ValueError

@@ -1,9 +1,9 @@
-"""Groups of pictures that are done are kept in a folder, so that an encode that was killed can be gone on with.
+"""Groups of pictures that are done are kept in a folder, so that an encode that was killed can be resumed.
 
-A folder belongs to one encode: `ABOUT` in it says which source, settings and code it is of, and any other is refused.
-Each group has a file, named by the number of its first frame, which has its name only when it is complete and on
-the disk. What is in a file is believed only if it says that it is this group of this folder, and the source of each of
-its frames has the same digest now. `OwnFolder` says whose folder it must be, and does all that is done in it.
+A folder belongs to one encode: `ABOUT` in it states the source, the settings and the code, and any other encode is
+refused. Each group has a file, named by the number of its first frame, which has its name only when it is complete and
+on the disk. A file is used only if it says that it is this group of this folder, and if the source of each of its
+frames still has the same digest. `OwnFolder` checks whose folder it is, and does all reading and writing in it.
 """
 
 import json
@@ -19,7 +19,7 @@ import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_base.folders import OwnFolder, StrangeFileError
+from gsvc_base.folders import OwnFolder, UnusableFileError
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.frame_types import TypedFrame
@@ -51,11 +51,11 @@ IGNORED_SETTINGS: Final = ("threads",)
 
 
 class ChangedSourceError(NothingSavedError):
-    """The source has other frames than the encode that is gone on with, whose target stays as it is."""
+    """The source has other frames than the encode that is resumed, whose target stays as it is."""
 
 
 def about_encode(video: VideoFormat, settings: Settings) -> dict[str, Any]:
-    """What must be equal for an encode to go on with another, as JSON has it."""
+    """What must be equal for an encode to resume another, as values of JSON."""
     compared = {name: value for name, value in asdict(settings).items() if name not in IGNORED_SETTINGS}
     about = {"code": code_version(), "source": asdict(video), "settings": compared}
     data: dict[str, Any] = json.loads(json.dumps(about, default=str))
@@ -112,18 +112,18 @@ class Keeper:
             raise
 
     def _check(self, about: dict[str, Any]) -> str:
-        """Refuse a folder of another encode; write in a new one which it is of. The mark of the folder."""
+        """Refuse a folder of another encode, or describe this one in a new folder; returns the mark of the folder."""
         try:
-            before, is_signed = self._files.record(ABOUT)
+            before, is_intact = self._files.record(ABOUT)
             changed = _changes(before, about)
             mark = before.get(MARK)
-            if not changed and not (is_signed and isinstance(mark, str)):
+            if not changed and not (is_intact and isinstance(mark, str)):
                 raise ValueError
         except FileNotFoundError:
             mark = secrets.token_hex(16)
             self._files.write_record(ABOUT, {**about, MARK: mark}, durable=True)
             return mark
-        except (ValueError, TypeError, KeyError, AttributeError, StrangeFileError):
+        except (ValueError, TypeError, KeyError, AttributeError, UnusableFileError):
             changed = [f"{self.folder / ABOUT} cannot be read"]
         if changed:
             raise UsageError(
@@ -155,7 +155,7 @@ class Keeper:
         if replace(self.header(), frame_count=kept.header.frame_count, **quantizers) != kept.header:
             self.refuse(first, "is of another stream, so its frames were encoded again")
         elif kept.place != (self.mark, first):
-            self.refuse(first, "is another group of pictures than its name says, so its frames were encoded again")
+            self.refuse(first, "holds another group of pictures than its name says, so its frames were encoded again")
         else:
             return kept
         return None
@@ -171,12 +171,12 @@ class Keeper:
         name = _name(first)
         try:
             if len(data) > MAX_GROUP:
-                raise StrangeFileError(
+                raise UnusableFileError(
                     f"{self.folder / name} would have {len(data)} bytes; at most {MAX_GROUP} are kept"
                 )
             self._ours.add(name)  # before it is, so that an interrupt leaves none
             self._files.write(name, data, durable=True)
-        except StrangeFileError as error:
+        except UnusableFileError as error:
             self._ours.discard(name)
             self._faults.append(f"the group from frame {first} on could not be kept: {error}")
         except OSError as error:
@@ -266,7 +266,7 @@ class GroupInWork:
         self._keeper.frames += 1
         try:
             return self.kept.next_frame()
-        except GsvcError as error:  # somebody has made its checksums right
+        except GsvcError as error:  # its checksums were made to fit
             raise GsvcError(
                 "malformed",
                 f"what is kept in {self._keeper.folder} is damaged: remove the folder to begin anew ({error.message})",

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Final
 import numpy as np
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
+from gsvc_ref.video.alpha import Background, check_alpha, flattened, flattening_note
 from gsvc_ref.video.color import to_rgb
 from gsvc_ref.video.format import (
     MAX_RATIO_TERM,
@@ -130,12 +130,12 @@ class LibavReader(VideoReader):
         return stream
 
     def _open_decoder(self) -> av.VideoCodecContext:
-        """What decodes the stream: FFmpeg's choice, or where transparency is asked for that it leaves out, libvpx."""
+        """The decoder: FFmpeg's choice, or libvpx where a background needs the alpha that FFmpeg's own leaves out."""
         decoder: av.VideoCodecContext = self._stream.codec_context
         if has_alpha_track(self._stream):
             named = LIBVPX.get(decoder.name)
             if self._background is None or named is None:
-                remedy = "" if named is None else ", or what --background COLOR shows behind them"
+                remedy = "" if named is None else "; --background COLOR shows it on a color"
                 self.note(
                     f"{self._name} has a track of transparency (alpha_mode 1), which is left out; its colours are read"
                     + remedy
@@ -298,11 +298,11 @@ class LibavReader(VideoReader):
             return None
         alpha = take(pixels.alpha, buffers, video.plane_shapes[0], pixels)
         if not check_alpha(alpha, video.peak, self._background, f"frame {number} of {self._name}"):
-            self.note(told(self._name, self._background))
+            self.note(flattening_note(self._name, self._background))
         elif self._background is None:
             self.note(
-                f"the alpha channel of {self._name} is left out; a frame that is not opaque would end the reading, but "
-                f"for --background COLOR"
+                f"the alpha channel of {self._name} is left out; a frame that is not opaque ends the reading, unless "
+                f"--background COLOR is given"
             )
         return alpha
 

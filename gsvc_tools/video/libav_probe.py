@@ -56,30 +56,30 @@ def open_container(av_module: Any, source: Path | BinaryIO) -> Any:
 
 @dataclass(frozen=True)
 class Packets:
-    """What the packets of the first video stream tell; nothing is decoded."""
+    """What the packets of the first video stream say; nothing is decoded."""
 
     # When frames are shown, ascending from the first on, (T,) i8, and the unit in seconds; None: not all have a stamp.
     times: tuple[np.ndarray[Any, Any], Fraction] | None
     corrupt: int  # packets that FFmpeg marks as damaged
-    complaint: str | None  # the first error of what takes the container apart
+    complaint: str | None  # the first error of the demuxer
     is_transport: bool  # a transport stream, in which a packet that is lost leaves nothing but a gap in time
 
     def damage(self, name: str) -> Damage | None:
-        """A sentence about frames that are lost or damaged, as far as FFmpeg tells."""
+        """A note about frames that are lost or damaged, as far as FFmpeg reports them."""
         parts = []
         if self.is_transport or self.corrupt or self.complaint:
             lost = 0 if self.times is None else missing_frames(self.times[0])
             if lost:
-                parts.append(f"{_count(lost, 'frame')} of it missing by the time stamps")
+                parts.append(f"{_count(lost, 'frame')} missing, by the time stamps")
         if self.corrupt:
             parts.append(f"FFmpeg marks {_count(self.corrupt, 'packet')} as damaged")
         if parts and self.complaint:
-            parts.append(f"it says: {self.complaint}")
+            parts.append(f"FFmpeg says: {self.complaint}")
         return Damage(f"{name} is damaged: {'; '.join(parts)}; what is left is read as it is") if parts else None
 
 
 def missing_frames(times: np.ndarray[Any, Any]) -> int:
-    """How many frames have room in the gaps between ascending times (T,) i8; 0 where these are uneven anyway."""
+    """The number of frames that fit into the gaps between ascending times (T,) i8; 0 if the times are uneven."""
     steps = np.diff(times)
     usual = int(np.median(steps)) if len(steps) else 0
     counts = np.rint(steps / usual).astype(np.int64) if usual > 0 else np.ones(0, np.int64)
@@ -90,7 +90,7 @@ def missing_frames(times: np.ndarray[Any, Any]) -> int:
 
 
 def read_packets(av_module: Any, source: Path | BinaryIO) -> Packets | None:
-    """Look at all packets; None where the file cannot be read, which is for others to say.
+    """Read all packets; None if the file cannot be read, which the reader reports.
 
     A file object is left where it was.
     """
@@ -174,7 +174,7 @@ def interlaced(name: str) -> str:
 
 
 def uneven(name: str, rate: Fraction) -> str:
-    """A sentence about a source whose frames have times of their own, with this mean rate."""
+    """A note about a source whose frames are unevenly spaced, with this mean rate."""
     return (
         f"frames of {name} are not evenly spaced in time ({float(rate):.5g} per second on average); their time stamps "
         f"go along with them"

@@ -12,7 +12,7 @@ import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.video.alpha import Background, check_alpha, flattened, told
+from gsvc_ref.video.alpha import Background, check_alpha, flattened, flattening_note
 from gsvc_ref.video.format import UNSPECIFIED, ColorDescription, VideoFormat, check_size
 from gsvc_ref.video.images import MAX_FILE
 from gsvc_ref.video.stream import VideoReader
@@ -92,7 +92,7 @@ class AnimatedWebpReader(VideoReader):
         )
 
     def _find_rate(self) -> Fraction:
-        """The frame rate that all times keep to, or else their mean; then each frame has its time."""
+        """The frame rate that all times keep to, or else their mean; then each frame has a time stamp."""
         begins = np.array([0, *accumulate(self._delays)])
         if begins[-1] == 0:
             self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
@@ -123,7 +123,7 @@ class AnimatedWebpReader(VideoReader):
         frame, alpha = np.ascontiguousarray(picture[..., :3]), picture[..., 3]
         if check_alpha(alpha, 255, self._background, f"frame {number} of {self._name}") or self._background is None:
             return frame
-        self.note(told(self._name, self._background))
+        self.note(flattening_note(self._name, self._background))
         return flattened(frame, alpha, 255, self._background)
 
     def close(self) -> None:

@@ -2,5 +2,5 @@
 
 In reading order: `pages` finds the files of the page, `streams` has the bytes of a file, of a growing file or of a
 pipe, `source_frames` the frames of the source, `server` hands these out, on the loopback interface alone, and
-`entrance` leads a browser there.
+`redirect_page` sends a browser to it.
 """

@@ -9,9 +9,9 @@
 
 Other pages of the same browser reach nothing: they do not know the token, a name that they have pointed at this machine
 is not in the header ``Host`` that is allowed, and nothing allows them to read an answer. Other users of the machine do
-not know it either, since no command line has it (`entrance`). It stays in the address, and is no cookie: a browser
-sends the cookies of 127.0.0.1 to the servers of all users, whatever their port. It does not end with its first use: a
-page may be loaded again, and whoever saw an address that is good for once could use it first.
+not know it either, since no command line has it (`redirect_page`). It is in the address rather than in a cookie, since
+a browser sends the cookies of 127.0.0.1 to the servers of all users, on every port. It can be used more than once: a
+page may be loaded again, and anyone who saw an address that works only once could use it first.
 """
 
 import errno
@@ -41,10 +41,10 @@ POLL_S: Final = 0.1
 """Seconds between two looks whether a live stream has grown."""
 IDLE_S: Final = 60.0
 """Seconds for which a connection that has shown the token may wait for the next request."""
-STRANGER_S: Final = 5.0
+UNAUTHENTICATED_S: Final = 5.0
 """Seconds in which a connection must show the token."""
-MAX_STRANGERS: Final = 32
-"""Connections that have not shown it; one more ends the oldest, so that strangers keep nobody out."""
+MAX_UNAUTHENTICATED: Final = 32
+"""Connections that have not shown it; one more closes the oldest, so that a page can always connect."""
 SAMPLES: Final = "application/octet-stream"
 HEADERS: Final = {
     "Cache-Control": "no-store",
@@ -80,14 +80,14 @@ def _text(name: str) -> str:
 
 
 class Server(ThreadingHTTPServer):
-    """A server of one thing to look at, whose page is at `url`; a UsageError says that its port cannot be had."""
+    """A server of one thing to look at, whose page is at `url`; a UsageError says that its port cannot be used."""
 
     daemon_threads = True
     allow_reuse_address = os.name == "posix"  # elsewhere two servers could share a port
     request_queue_size = 128  # where more wait than the system allows, a page would wait for a second
 
     def __init__(self, viewing: Viewing, port: int = 0) -> None:
-        self._strangers: dict[socket.socket, float] = {}  # until when they may stay, the oldest first
+        self._unauthenticated: dict[socket.socket, float] = {}  # when each is closed, the oldest first
         self._lock = threading.Lock()
         self.is_known = threading.Event()  # somebody has shown the token
         self.viewing, self.files, self.token = viewing, viewer_files(), secrets.token_urlsafe(TOKEN_BYTES)
@@ -104,40 +104,40 @@ class Server(ThreadingHTTPServer):
         try:
             return super().get_request()
         except OSError:  # no descriptor is left
-            self._end_strangers(most=len(self._strangers) - 1)
+            self._end_unauthenticated(most=len(self._unauthenticated) - 1)
             time.sleep(POLL_S / 10)  # in which its thread closes it
             raise
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Answer a connection in a thread."""
         with self._lock:
-            self._strangers[request] = time.monotonic() + STRANGER_S
+            self._unauthenticated[request] = time.monotonic() + UNAUTHENTICATED_S
         super().process_request(request, client_address)
 
     def service_actions(self) -> None:
-        """After each connection and each POLL_S, end the strangers that may not stay."""
-        self._end_strangers(most=MAX_STRANGERS)
+        """After each connection and each POLL_S, close unauthenticated connections that are too old or too many."""
+        self._end_unauthenticated(most=MAX_UNAUTHENTICATED)
 
-    def _end_strangers(self, most: int) -> None:
-        """End those whose time is over, and the oldest of more than `most`."""
+    def _end_unauthenticated(self, most: int) -> None:
+        """Close those whose time is over, and the oldest of more than `most`."""
         with self._lock:
-            for stranger, end in list(self._strangers.items()):
-                if len(self._strangers) <= most and time.monotonic() < end:
+            for connection, end in list(self._unauthenticated.items()):
+                if len(self._unauthenticated) <= most and time.monotonic() < end:
                     break
-                del self._strangers[stranger]
+                del self._unauthenticated[connection]
                 with suppress(OSError):  # its thread, which closes it, may have done so
-                    stranger.shutdown(socket.SHUT_RDWR)
+                    connection.shutdown(socket.SHUT_RDWR)
 
     def trust(self, connection: socket.socket) -> None:
         """Note that a connection has shown the token, so that it may stay."""
         with self._lock:
-            self._strangers.pop(connection, None)
+            self._unauthenticated.pop(connection, None)
         self.is_known.set()
 
     def shutdown_request(self, request: Any) -> None:
         """End a connection."""
         with self._lock:
-            self._strangers.pop(request, None)
+            self._unauthenticated.pop(request, None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:

@@ -28,8 +28,8 @@ class StreamBytes(Protocol):
     """Bytes that can be read at any place, some of which may be yet to come."""
 
     live: bool  # whether more may come
-    fault: OSError | None  # why what comes cannot be kept
-    is_full: bool  # whether more came than may be kept
+    fault: OSError | None  # why further bytes cannot be kept
+    is_full: bool  # whether more bytes came than may be kept
 
     def size(self) -> int:
         """How many bytes there are by now."""
@@ -126,7 +126,7 @@ def is_end(tail: bytes) -> bool:
 
 
 class Pipe:
-    """What comes through a pipe up to its end chunk; it is kept in a temporary file, since a page may be loaded again.
+    """The bytes of a pipe up to the end chunk, kept in a temporary file, since a page may be loaded again.
 
     Beyond `most` bytes nothing is read.
     """
@@ -170,7 +170,7 @@ class Pipe:
         return piece
 
     def _stop(self) -> None:
-        """Let the writer know, by a closed pipe, that nothing more is read; a browser may inherit what is there now."""
+        """Close the pipe, so that its writer ends; its number stays in use, since a browser may inherit it."""
         with suppress(OSError), open(os.devnull, "rb") as nothing:  # not every pipe of a test has a number
             os.dup2(nothing.fileno(), self._pipe.fileno())
 
@@ -208,7 +208,7 @@ class _Pieces:
 
 
 def read_to_end_chunk(source: Source) -> None:
-    """Hop from chunk to chunk to the end of the end chunk; a GsvcError: no chunks lead to a sound one."""
+    """Skip from chunk to chunk to the end of the end chunk; a GsvcError says that no sound one can be reached."""
 
     def longest(chunk_type: int) -> int:
         return END_CHUNK_SIZE - 6 if chunk_type == END_TYPE else LEVELS[HIGHEST_LEVEL].payload

@@ -18,7 +18,7 @@ import pytest
 
 from gsvc_ref.cli import main
 from gsvc_tools.cli import view
-from gsvc_tools.viewing import entrance, server
+from gsvc_tools.viewing import redirect_page, server
 
 TIMEOUT_S = 120
 posix = pytest.mark.skipif(os.name != "posix", reason="signals, limits and named pipes of POSIX")
@@ -62,10 +62,10 @@ def test_the_browser_is_led_to_the_address_that_is_said(stream, clip, capsys, en
 
 
 def test_a_browser_that_cannot_be_led_there_is_not_opened(stream, capsys, monkeypatch, ended_at_once):
-    monkeypatch.setattr(entrance.Entrance, "lead_to", lambda *_: os.open("/gone/x", os.O_RDONLY))
+    monkeypatch.setattr(redirect_page.RedirectPage, "write", lambda *_: os.open("/gone/x", os.O_RDONLY))
     assert main(["view", str(stream)]) == 130
     assert ended_at_once == []
-    assert "  note: no browser is opened, since no page can be written for it (No such" in capsys.readouterr().out
+    assert "  note: no browser is opened, since its page cannot be written (No such" in capsys.readouterr().out
 
 
 def test_a_browser_that_does_not_come_is_told_once_and_one_that_comes_needs_no_page(stream, capsys, monkeypatch):
@@ -105,7 +105,7 @@ def test_where_no_browser_can_be_opened_it_is_said_what_to_do(stream, capsys, mo
     monkeypatch.setattr(view, "elsewhere", lambda: "")
     monkeypatch.setattr(webbrowser, "open", lambda url: False)
     main(["view", str(stream)])
-    assert "note: no browser was found: open the address in one\n" in capsys.readouterr().out
+    assert "note: no browser was found: open the address above in one\n" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
@@ -181,7 +181,7 @@ def test_a_pipe_of_something_else_ends_it(capsys, monkeypatch, standard_input):
     standard_input(b"YUV4MPEG2 W32 H24 F25:1")
     monkeypatch.setattr(view, "LOOK_S", 0.01)
     assert main(["view", "-", "--no-browser"]) == 1
-    assert "standard input is no GSVC stream; encode a video first" in capsys.readouterr().err
+    assert "standard input is not a GSVC stream; encode a video first" in capsys.readouterr().err
 
 
 def test_more_than_is_kept_of_a_pipe_is_told_and_the_rest_shown(stream, monkeypatch, standard_input):
@@ -232,12 +232,12 @@ def test_it_answers_until_ctrl_c(stream, clip):
 
 
 @posix
-def test_strangers_cannot_take_all_descriptors(stream):
+def test_unauthenticated_connections_cannot_take_all_descriptors(stream):
     limit = """
 import resource
 from gsvc_tools.viewing import server
 resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
-server.STRANGER_S, server.Handler.timeout = 1e9, None  # they stay as long as they are few
+server.UNAUTHENTICATED_S, server.Handler.timeout = 1e9, None  # they stay as long as they are few
 """
     with started(stream, "--no-browser", before=limit) as process, ExitStack() as stack:
         url = process.stdout.readline().strip()

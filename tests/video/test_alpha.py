@@ -99,7 +99,7 @@ def test_every_command_takes_it(tmp_path, capsys, monkeypatch):
     assert main(["encode", "a.png", "a.gsvc", "--quiet"]) == 1
     assert "--background white" in capsys.readouterr().err
     assert main(["encode", "a.png", "a.gsvc", "--background", "murky", "--quiet"]) == 2
-    assert "'murky' is no color; give a name such as white, or #rrggbb" in capsys.readouterr().err
+    assert "'murky' is not a color; give a name such as white, or #rrggbb" in capsys.readouterr().err
     assert main(["encode", "a.png", "a.gsvc", "--background", "#ffa500", "--splats", "40", "--json"]) == 0
     notes = json.loads(capsys.readouterr().out)["notes"]
     assert "transparent places of pictures show the background #ffa500" in notes

@@ -15,7 +15,7 @@ from gsvc_ref import decode
 from gsvc_ref import open as open_stream
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import open_writer
-from gsvc_tools.viewing.entrance import Entrance
+from gsvc_tools.viewing.redirect_page import RedirectPage
 from gsvc_tools.viewing.server import Viewing, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import GrowingFile, WholeFile
@@ -94,8 +94,8 @@ def test_the_source_is_beside_the_stream_and_measured(new_page, noisy):
 
 def test_a_file_leads_the_browser_there_and_no_command_line_says_where(new_page):
     page = new_page()
-    with serving(Viewing("a", WholeFile(PATH))) as server, closing(Entrance()) as entrance:
-        page.goto(entrance.lead_to(server.url).as_uri())
+    with serving(Viewing("a", WholeFile(PATH))) as server, closing(RedirectPage()) as redirect:
+        page.goto(redirect.write(server.url).as_uri())
         page.wait_for_url(server.url)
         page.drawn()
         assert server.is_known.is_set()

@@ -27,7 +27,7 @@ DECISIONS: Final = (
         "Bare streams. AVC and HEVC: without the SEI in which x264 and x265 write their options, up to more than "
         "half of the shortest streams here; VVC: without access unit delimiters; AV1: low-overhead OBUs with a "
         "temporal delimiter of 2 bytes a frame. GSVC: the whole file with header, checksums and index, made "
-        "with --no-decisions, since what the encoder tells there is no picture either.",
+        "with --no-decisions, since the log of decisions is not part of the picture.",
     ),
     (
         "settings",
@@ -96,7 +96,7 @@ WHY: Final = (
     (
         "a camera pans, or things enter at a border",
         "A picture of splats is black where no splat comes in. A video codec repeats the pixels of the edge and codes "
-        "blocks of their own there; main needs new splats, which cost as much as those of an I-frame. In the design's "
+        "separate blocks there; main needs new splats, which cost as much as those of an I-frame. In the design's "
         "measurements the entering 3 to 4.5 % of a pan's area held 36 to 45 % of the prediction's error.",
     ),
     (

@@ -1,7 +1,7 @@
-"""Frames of fewer pixels than have a splat by default: each pixel has one, and nothing is left to search for.
+"""Frames of fewer pixels than one splat stands for by default: each pixel gets a splat, so nothing is left to search.
 
-The rules for larger pictures fail here. They weigh the bits of a splat against its error, and a picture of one splat
-comes back with a step of a seventh of its color, though the whole file is but a header.
+The rules for larger pictures fail here. They weigh the bits of a splat against its error, so the color of a picture
+of one splat would have steps of a seventh of its value, although nearly all of the file is its header.
 """
 
 import math
@@ -23,7 +23,7 @@ PIXEL_SIZE: Final = 0.5
 """l11 and l22 in pixels: the larger, the finer the steps of colors, and the more a splat covers its neighbors."""
 
 PIXEL_SWEEPS: Final = 16
-"""How often each color is chosen anew; noise in 6x6 pixels takes about ten until all is within a rounding."""
+"""Number of times that each color is chosen; noise in 6x6 pixels takes about ten until all errors are roundings."""
 
 PIXEL_SPLATS: Final = "each pixel has a splat, so that nothing is to be predicted"
 """Why a frame of few pixels is an I-frame."""
@@ -62,7 +62,7 @@ def pixel_splats(picture: F4, bit_depth: int) -> F4:
     splats = np.zeros((height * width, 8), np.float32)
     rows, columns = np.divmod(np.arange(len(splats)), width)
     splats[:, 0], splats[:, 1] = columns + 0.5, rows + 0.5
-    # Without neighbors a splat may be as large as the steps of its color are to be fine.
+    # Without neighbors a splat may be larger, which makes the steps of its color finer.
     splats[:, 2] = splats[:, 4] = PIXEL_SIZE if len(splats) > 1 else math.ldexp(PIXEL_SIZE, bit_depth - 8)
     splats[:, 5:] = picture.reshape(-1, 3)
     return splats

@@ -448,7 +448,7 @@ def test_records_are_believed_only_with_their_types(change):
         "layers": [],
     }  # fmt: skip
     assert KeptGroup(stream_with(record)).next_frame()[0].psnr == np.inf
-    with pytest.raises(GsvcError, match="no group of pictures that an encode has kept"):
+    with pytest.raises(GsvcError, match="not a group of pictures that an encode has kept"):
         KeptGroup(stream_with(record | change))
 
 

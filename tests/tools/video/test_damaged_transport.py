@@ -66,7 +66,7 @@ def test_lost_frames_are_counted(tmp_path):
     assert damage_of(path) == (FRAMES, [])
     count, (note,) = damage_of(damaged(path, lost=(4, 5, 8)))
     assert count == FRAMES - 3
-    assert "3 frames of it missing by the time stamps" in note
+    assert "3 frames missing, by the time stamps" in note
     count, (note,) = damage_of(damaged(path, flagged=(6,)))
     assert count == FRAMES
     assert "FFmpeg marks 1 packet as damaged" in note
@@ -75,7 +75,7 @@ def test_lost_frames_are_counted(tmp_path):
 def test_the_encode_goes_on_and_says_so(tmp_path, capsys):
     path = damaged(transport_stream(tmp_path / "a.ts"), lost=(4, 5))
     encode = ["encode", str(path), str(tmp_path / "a.gsvc"), "--splats", "10"]
-    said = f"{path} is damaged: 2 frames of it missing by the time stamps"
+    said = f"{path} is damaged: 2 frames missing, by the time stamps"
     assert main([*encode, "--quiet"]) == 0
     assert capsys.readouterr().err.startswith(f"gsvc encode: {said}")
     assert main([*encode, "--json"]) == 0
@@ -100,7 +100,7 @@ def test_a_matroska_file_that_loses_a_cluster(tmp_path):
     data[clusters[1] : clusters[1] + 12] = bytes(12)
     path.write_bytes(data)
     count, (note,) = damage_of(path)
-    assert f"{FRAMES - count} frames of it missing by the time stamps; it says: " in note
+    assert f"{FRAMES - count} frames missing, by the time stamps; FFmpeg says: " in note
 
 
 def test_uneven_times_of_a_sound_file_are_no_damage(tmp_path):

@@ -24,9 +24,9 @@ from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 from gsvc_tools.viewing import pages
 from gsvc_tools.viewing import server as server_module
-from gsvc_tools.viewing.entrance import Entrance
 from gsvc_tools.viewing.pages import viewer_files
-from gsvc_tools.viewing.server import MAX_STRANGERS, STRANGER_S, Server, Viewing, parse_range, serving
+from gsvc_tools.viewing.redirect_page import RedirectPage
+from gsvc_tools.viewing.server import MAX_UNAUTHENTICATED, UNAUTHENTICATED_S, Server, Viewing, parse_range, serving
 from gsvc_tools.viewing.source_frames import SourceFrames
 from gsvc_tools.viewing.streams import SENT_AT_ONCE, GrowingFile, Pipe, WholeFile, is_end, read_to_end_chunk
 
@@ -257,7 +257,7 @@ def wait_until(holds):
         time.sleep(0.002)
 
 
-def stranger(server, sent=b""):
+def unauthenticated(server, sent=b""):
     connection = socket.create_connection(("127.0.0.1", server.server_port), timeout=TIMEOUT_S)
     connection.sendall(sent)
     return connection
@@ -279,15 +279,15 @@ def clock(monkeypatch):
 
 
 def accepted(server, count):
-    """Wait until a server has so many strangers."""
-    wait_until(lambda: len(server._strangers) == count)
+    """Wait until a server has this many unauthenticated connections."""
+    wait_until(lambda: len(server._unauthenticated) == count)
 
 
 @pytest.mark.parametrize("sent", [b"", b"GET /", b"GET / HTTP/1.1\r\n", b"GET / HTTP/1.1\r\nHost: a\r\nX: "])
-def test_a_stranger_may_not_stay(server, clock, sent):
-    waiting = stranger(server, sent)
+def test_an_unauthenticated_connection_may_not_stay(server, clock, sent):
+    waiting = unauthenticated(server, sent)
     accepted(server, 1)
-    clock(STRANGER_S - 0.1)
+    clock(UNAUTHENTICATED_S - 0.1)
     waiting.sendall(b"a")  # gives it no more time
     accepted(server, 1)
     clock(0.1)
@@ -302,15 +302,15 @@ def test_who_has_shown_the_token_may_stay(server, clock):
             assert connection.getresponse().read() == STREAM
             assert connection.sock is not None
             connection.auto_open = False  # another connection would be no proof
-            waiting = [stack.enter_context(stranger(server)) for _ in range(MAX_STRANGERS + 1)]
+            waiting = [stack.enter_context(unauthenticated(server)) for _ in range(MAX_UNAUTHENTICATED + 1)]
             assert ends(waiting[0])  # so all have come
-            clock(STRANGER_S)
+            clock(UNAUTHENTICATED_S)
             accepted(server, 0)
 
 
-def test_strangers_are_few(server, clock):
+def test_unauthenticated_connections_are_few(server, clock):
     with ExitStack() as stack:
-        waiting = [stack.enter_context(stranger(server)) for _ in range(MAX_STRANGERS + 3)]
+        waiting = [stack.enter_context(unauthenticated(server)) for _ in range(MAX_UNAUTHENTICATED + 3)]
         assert all(ends(first) for first in waiting[:3])
         assert ask(server, "stream")[2] == STREAM
         for later in waiting[4:]:  # in the place of one more that came, if it was not at once that it showed the token
@@ -323,27 +323,27 @@ def test_strangers_are_few(server, clock):
         assert last.recv(12) == b"HTTP/1.1 200"
 
 
-# ---- the way there
+# ---- the redirect page
 
 
-def test_the_entrance_is_for_its_owner_alone(server):
-    with closing(Entrance()) as entrance:
-        assert not entrance.is_open()
-        page = entrance.lead_to(server.url)
-        assert entrance.is_open()
+def test_the_redirect_page_is_for_its_owner_alone(server):
+    with closing(RedirectPage()) as redirect:
+        assert not redirect.is_open()
+        page = redirect.write(server.url)
+        assert redirect.is_open()
         assert f'content="0; url={server.url}"' in page.read_text()
         assert server.token not in str(page)
         if os.name == "posix":
             assert [stat.S_IMODE(path.stat().st_mode) for path in (page, page.parent)] == [0o600, 0o700]
     assert not page.parent.exists()
-    entrance.close()
+    redirect.close()
 
 
-def test_the_entrance_is_where_a_browser_from_a_snap_may_look(tmp_path, monkeypatch):
+def test_the_redirect_page_is_where_a_browser_from_a_snap_may_look(tmp_path, monkeypatch):
     monkeypatch.setattr(os.path, "expanduser", lambda _: str(tmp_path))
     for by_snap in (False, True):
-        with closing(Entrance()) as entrance:
-            assert (entrance.lead_to("http://127.0.0.1:1/").parents[1] == tmp_path) == by_snap
+        with closing(RedirectPage()) as redirect:
+            assert (redirect.write("http://127.0.0.1:1/").parents[1] == tmp_path) == by_snap
         (tmp_path / "snap").mkdir(exist_ok=True)
     assert [path.name for path in tmp_path.iterdir()] == ["snap"]
 
