@@ -122,7 +122,9 @@ class Waivers:
 
     def reasons(self, names: Iterable[str]) -> dict[str, str]:
         """The reasons by id, of the vectors that are waived today."""
-        return {name: waiver.excuse for name, waiver in self.among(names).counting.items()}
+        names = tuple(names)
+        counting = self.among(names).counting
+        return {name: counting[name].excuse for name in names if name in counting}
 
     def unmatched(self, names: Sequence[str]) -> list[str]:
         """A sentence about each id or glob that matches no vector of a folder, if these are few."""
