@@ -65,7 +65,7 @@ GSVC.Player = class {
 
   /** Shows the frame whose time has come; frames are left out where drawing is too slow for them. */
   #tick(now) {
-    if (this.late) { // else frames that are left out, which have to be decoded, would make the next one later still
+    if (this.late) { // a frame that is skipped has to be decoded too, so skipping would make the next one later still
       this.due = null;
       this.tick = requestAnimationFrame((later) => this.#tick(later));
       return;

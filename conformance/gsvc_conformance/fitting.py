@@ -53,7 +53,7 @@ def read_inputs(operation: Operation, path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"{path} cannot be read: {error.strerror or error}") from None
     except UsageError as error:
-        raise UsageError(f"{path} is not an .npz file of plain arrays: {error}") from None
+        raise UsageError(f"{path} cannot be read as an .npz file of plain arrays: {error}") from None
 
 
 def _of_folder(operation: Operation, folder: Path) -> dict[str, Any]:

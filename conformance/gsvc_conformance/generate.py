@@ -135,7 +135,7 @@ def _known_kills(home: Path) -> list[str]:
 def generate(folder: Path = VECTORS, on_case: OnCase | None = None, *, jobs: int = 0) -> int:
     """Write all vectors and COVERAGE.md to a folder; returns how many the cases make.
 
-    What SHA256SUMS lists and no case makes any more is removed, unless it is in a set: such a vector stays as it is.
+    Files that SHA256SUMS lists and no case makes any more are removed; vectors of a set stay as they are.
 
     Raises
     ------

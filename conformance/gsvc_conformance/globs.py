@@ -1,4 +1,4 @@
-"""Many globs over many names: each is compiled at most once, and tried only on names that have its rarest literal."""
+"""Many globs over many names: each is compiled at most once, and tried only on names with its rarest literal."""
 
 import re
 from bisect import bisect_right
@@ -13,7 +13,7 @@ MAX_GLOB: Final = 1000
 
 
 class Names:
-    """Names, among which globs find those that they match as `fnmatch.fnmatchcase` does."""
+    """Names that globs are matched against, as by `fnmatch.fnmatchcase`."""
 
     def __init__(self, names: Iterable[str]) -> None:
         self._names = list(dict.fromkeys(names))
@@ -33,7 +33,7 @@ class Names:
                 yield name
 
     def _having(self, wanted: list[str]) -> Iterator[str]:
-        """The names in which the rarest of some texts stands, if all of them stand anywhere."""
+        """The names that contain the rarest of some texts; none if one of the texts occurs nowhere."""
         if not all(literal in self._text and "\n" not in literal for literal in wanted):
             return
         literal = min(wanted, key=self._text.count) if wanted[1:] else "".join(wanted)
@@ -47,12 +47,12 @@ class Names:
 
 
 def literals(glob: str) -> list[str]:
-    """Texts that every name has that a glob matches: those before the first set of characters."""
+    """Texts that every match of a glob contains: those before its first set of characters."""
     return sorted({*re.split(r"[*?]", glob.partition("[")[0])} - {""}, key=len, reverse=True)
 
 
 def matcher(glob: str) -> Callable[[str], bool]:
-    """A function that says whether a name matches a glob."""
+    """A function that says whether a name matches a glob that has a wildcard."""
     if "?" in glob or "[" in glob:
         compiled = re.compile(translate(glob))
         return lambda name: compiled.match(name) is not None

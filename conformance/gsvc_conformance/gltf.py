@@ -223,7 +223,7 @@ def export(vectors: Iterable[Vector], folder: Path) -> tuple[list[str], dict[str
     for vector in vectors:
         try:
             reason = left_out(vector)
-        except (LookupError, TypeError, ValueError) as error:  # inputs of a vector of others
+        except (LookupError, TypeError, ValueError) as error:  # inputs of an untrusted vector
             raise UsageError(f"the inputs of {vector.id} do not fit {vector.operation.name}: {error}") from None
         entry = None if reason else _write(vector, folder)
         if entry:

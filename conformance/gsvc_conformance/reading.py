@@ -1,4 +1,4 @@
-"""Files of others: each is measured before it is read, and what reads them calls itself no deeper than they may nest.
+"""Untrusted files: each is measured before it is read, and no nesting of its contents overflows the stack.
 
 Everything that the kit reads goes through here: vectors, waivers, features, reports, and what implementations write.
 """
@@ -28,27 +28,35 @@ MAX_TEXT: Final = 1 << 25
 MAX_ARCHIVE: Final = 1 << 32
 """Bytes of all files of an archive together."""
 MAX_DOTS: Final = 32
-"""Parts of a key of TOML, for which tomllib takes a time that grows with their square."""
+"""Parts of a dotted key of TOML; the time that tomllib takes for one grows with the square of their number."""
+MAX_DIMENSIONS: Final = 64
+"""Dimensions of an array, as in NumPy; the product of many long numbers would take hours."""
 MAX_STREAM: Final = 1 << 32
 """Bytes of a stream that is checked."""
 METHODS: Final = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
-"""Methods of compression whose memory is the same for all files."""
+"""Methods of compression that need the same memory for every file."""
 
-_QUIET: Final = re.compile(r'"""(?:[^\\]|\\.)*?"""|\'\'\'.*?\'\'\'|"(?:[^"\\\n]|\\.)*"|\'[^\'\n]*\'|#[^\n]*', re.S)
-"""Strings and comments of TOML."""
+_QUIET: Final = re.compile(
+    r'"""(?:[^\\"]++|\\.|"(?!""))*+(?:"{3,5}|\\?\Z)'
+    r"|'''(?:[^']++|'(?!''))*+(?:'{3,5}|\Z)"
+    r'|"(?:[^"\\\n]++|\\.)*+"?'
+    r"|'[^'\n]*+'?|#[^\n]*+",
+    re.DOTALL,
+)
+"""Strings and comments of TOML, also a string without its end: a search from each of its quotes would be quadratic."""
 _DOTTED: Final = re.compile(rf"(?:\.[^.,=\[\]{{}}\n]*){{{MAX_DOTS}}}")
 _HEADERS: Final = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 
 
 def read_bytes(path: Path, most: int = MAX_BYTES) -> bytes:
-    """The bytes of an ordinary file; nothing else is opened, so that no pipe is waited for.
+    """The bytes of an ordinary file; anything else is refused, and a pipe without waiting for its writer.
 
     Raises
     ------
     OSError
         It cannot be read.
     UsageError
-        It is something else, or has more than `most` bytes.
+        It is not an ordinary file, or has more than `most` bytes.
     """
     with open(path, "rb", opener=_at_once) as file:
         status = os.fstat(file.fileno())
@@ -82,7 +90,7 @@ def read_text(path: Path) -> str:
     OSError, UsageError
         As `read_bytes`, of at most `MAX_TEXT` bytes.
     UnicodeDecodeError
-        It is no UTF-8.
+        It is not UTF-8.
     """
     return read_bytes(path, MAX_TEXT).decode("utf-8-sig")
 
@@ -102,7 +110,7 @@ def check_size(name: str, size: int, most: int = MAX_BYTES) -> None:
     Raises
     ------
     UsageError
-        It is.
+        It has more than `most` bytes.
     """
     if size > most:
         raise UsageError(f"{name} has {size:,} bytes; at most {most:,} are read")
@@ -116,7 +124,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     OSError
         It cannot be read.
     UsageError
-        It is not TOML, too large, or nested too deep.
+        It is not TOML, is too large, or is nested too deep.
     """
     try:
         text = read_text(path)
@@ -124,7 +132,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise UsageError(f"a key has more than {MAX_DOTS} parts")
         return tomllib.loads(text)
     except RecursionError:
-        raise UsageError(f"{path} is not TOML: it is nested too deep; a list in a table is enough") from None
+        raise UsageError(f"{path} cannot be read as TOML: it is nested too deep; a list in a table is enough") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, ValueError) as error:
         raise _unless_named(error, path, "TOML") from None
 
@@ -137,7 +145,7 @@ def read_json(path: Path) -> Any:
     OSError
         It cannot be read.
     UsageError
-        It is not JSON, too large, or nested too deep.
+        It is not JSON, is too large, or is nested too deep.
     """
     try:
         return parse_json(read_bytes(path, MAX_TEXT))
@@ -163,48 +171,51 @@ def parse_json(data: bytes) -> Any:
 
 
 def _unless_named(error: ValueError, path: Path, form: str) -> UsageError:
-    """The error of a file, which is named."""
+    """An error of a file whose message names the file."""
     if isinstance(error, UsageError) and str(path) in str(error):
         return error
-    return UsageError(f"{path} is not {form}: {error}")
+    return UsageError(f"{path} cannot be read as {form}: {error}")
 
 
 def parse_npy(data: bytes, name: str, *, foreign: bool = False) -> NDArray[Any]:
     """The array of an .npy file of numbers, in the byte order of the machine and in C order.
 
-    What is `foreign` may also hold truth values, or have its most significant byte first.
+    A `foreign` file may also hold truth values, or numbers whose most significant byte comes first.
 
     Raises
     ------
     UsageError
-        It is none, with a message that begins with the file's name.
+        It is not such a file; the message begins with its name.
     """
     file = io.BytesIO(data)
     try:
         shape, column_order, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
-    except Exception as error:  # whatever a hostile header makes of Python's parser
+    except Exception as error:  # a hostile header may raise anything in Python's parser
         raise UsageError(f"{name} is not an .npy file of version 1 or 2 ({type(error).__name__})") from None
-    if dtype.kind not in ("uifb" if foreign else "uif") or len(data) - file.tell() != dtype.itemsize * elements_of(
-        shape
-    ):
-        raise UsageError(f"{name} is said to be {dtype} {shape}, and has {len(data) - file.tell()} bytes of data")
+    if dtype.kind not in ("uifb" if foreign else "uif"):
+        raise UsageError(f"{name} has elements of type {dtype}; they must be integers or floating-point numbers")
+    size = len(data) - file.tell()
+    if size != dtype.itemsize * elements_of(shape):
+        raise UsageError(f"{name} has {size} bytes of data, which do not fit its type {dtype} and shape {shape}")
     if dtype.str.startswith(">") and not foreign:
-        raise UsageError(f"{name} has numbers of type {dtype.str}, most significant byte first; it must be last")
+        raise UsageError(f"{name} has numbers of type {dtype.str}, most significant byte first; write it last")
     flat = np.frombuffer(data, dtype, offset=file.tell())
     try:
         return np.array(native(flat.reshape(shape, order="F" if column_order else "C")), order="C")
     except (ValueError, OverflowError):  # an empty array with a length beyond any address
-        raise UsageError(f"{name} has the shape {shape}") from None
+        raise UsageError(f"{name} has the shape {shape}, which is too large for an array") from None
 
 
 def native(array: NDArray[Any]) -> NDArray[Any]:
-    """An array from a file in the byte order of the machine."""
+    """An array in the byte order of the machine."""
     return array.astype(array.dtype.newbyteorder("="), copy=False)
 
 
 def elements_of(shape: Any) -> int:
-    """Elements of a shape; -1, which no file fits, for one that is no shape, such as (True,)."""
-    if not isinstance(shape, list | tuple) or any(type(length) is not int or length < 0 for length in shape):
+    """Number of elements of a shape; -1, which no file fits, for a value that is not a shape, such as (True,)."""
+    if not isinstance(shape, list | tuple) or len(shape) > MAX_DIMENSIONS:
+        return -1
+    if any(type(length) is not int or length < 0 for length in shape):
         return -1
     return math.prod(shape)
 
@@ -230,7 +241,7 @@ class Folder(Mapping[str, bytes]):
         Raises
         ------
         KeyError
-            There is none.
+            There is no such file.
         """
         try:
             return (self._home / name).stat().st_size
@@ -259,7 +270,7 @@ class Archive(Mapping[str, bytes]):
     Raises
     ------
     UsageError
-        It is no zip, or its files are too large together.
+        It is not a zip archive, or its files are too large together.
     """
 
     def __init__(self, path: Path) -> None:
@@ -271,7 +282,7 @@ class Archive(Mapping[str, bytes]):
             self._zip = zipfile.ZipFile(path)
         except OSError:
             raise
-        except Exception as error:  # whatever a damaged archive makes of the reader
+        except Exception as error:  # a damaged archive may raise anything
             raise UsageError(f"{path} is neither a folder of vectors nor an archive (zip) of one ({error})") from None
         check_size(f"all of {path} together", sum(entry.file_size for entry in self._zip.infolist()), MAX_ARCHIVE)
 
@@ -292,7 +303,7 @@ class Archive(Mapping[str, bytes]):
         Raises
         ------
         KeyError
-            There is none.
+            There is no such file.
         """
         return self._zip.getinfo(name).file_size
 

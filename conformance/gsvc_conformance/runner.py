@@ -28,7 +28,7 @@ PROFILE_REASONS: Final[Mapping[str, Sequence[list[str]]]] = {
     "main": ([], ["R-5-6"], ["R-5-6", "96"], ["R-3.2-1", "96"]),
     "paper": (["R-5-6"], ["R-5-6", "96"]),
 }
-"""What stands behind `unsupported` where a stream of a profile is refused for its profile, at byte 12 (R-5-6)."""
+"""What follows `unsupported` where a stream of a profile is refused for its profile, at byte 12 (R-5-6)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ def run_suite(
         return lambda: judge_answers(vector, answers, implementation.in_full, level, features, profile)
 
     results = []
-    with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # so that none is begun after a fault or Ctrl-C
+    with closing(_mapped(judged_vector, vectors, jobs)) as mapped:  # no vector is begun after a fault or Ctrl-C
         for judge in mapped:
             judged = judge()
             if judged.vector.id in (waivers or {}) and judged.result.outcome in FAULTS:
@@ -141,7 +141,7 @@ def ask(implementation: Implementation, vector: Vector, turn: int = 0) -> Answer
         answer = implementation.run(vector.operation, _copies(vector.inputs), turn, vector.id)
     except (UsageError, OSError):  # nothing more can be asked
         raise
-    except Exception as error:  # whatever an answer makes of what reads it: the other vectors are judged all the same
+    except Exception as error:  # an answer may break its reader: the other vectors are judged all the same
         answer = Failure("error", f"its answer cannot be read ({_named(error)})")
     return Answered(answer, time.perf_counter() - start)
 
@@ -161,7 +161,7 @@ def judge_answers(
     """Judge all answers to one vector: the first wrong one stands for them, and the message says how they differ."""
     try:
         return _judged(vector, answers, in_full, level, features, profile)
-    except Exception as error:  # whatever an answer makes of what judges it: the other vectors are judged all the same
+    except Exception as error:  # an answer may break its judge: the other vectors are judged all the same
         message = f"its answer cannot be judged ({_named(error)}): please report it with what --keep leaves"
         return Judged(vector, None, _result(vector, "error", message, seconds=sum(one.seconds for one in answers)))
 

@@ -1,4 +1,4 @@
-"""Objects of JSON: tables of fields say what is allowed, and one function holds an object against its table."""
+"""JSON objects: a table of fields says what an object may have, and one function checks the object against it."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final, NamedTuple
@@ -33,7 +33,7 @@ def _is_number(value: Any) -> bool:
 
 
 LARGEST: Final = 1 << 53
-"""The largest number that is read; from here on not every whole number is a floating-point number."""
+"""The largest number that is read; above it not every whole number is a floating-point number."""
 TEXT: Final = Kind("a text", _is_text)
 TEXTS: Final = _list_of("texts", _is_text)
 NAMED_TEXTS: Final = Kind(
@@ -45,22 +45,22 @@ TEXT_OR_NOT: Final = Kind("a text", lambda value: value is None or isinstance(va
 LIST: Final = Kind("a list", lambda value: isinstance(value, list))
 ROWS: Final = _list_of("lists of texts", TEXTS.holds)
 FLAG: Final = Kind("true or false", lambda value: isinstance(value, bool))
-COUNT: Final = Kind("a whole number", _is_count)
-NUMBER: Final = Kind("a number", _is_number)
+COUNT: Final = Kind("a whole number from 0 to 2^53", _is_count)
+NUMBER: Final = Kind("a number from 0 to 2^53", _is_number)
 COUNTS: Final = _list_of("whole numbers", _is_count)
 
 Schema = Mapping[str, tuple[Kind, Any]]
 NEEDED: Final = object()
-"""In place of what stands for a field that is left out: it must not be."""
+"""In place of a default: the field must not be left out."""
 
 
 def checked(value: Any, schema: Schema, name: str, source: str = "") -> dict[str, Any]:
-    """The fields of an object that a schema has; others are for other programs.
+    """The fields of an object that a schema has; other fields are ignored.
 
     Raises
     ------
     UsageError
-        It is no object, or a field is missing or something else; the message names the field.
+        It is not an object, or a field is missing or of another kind; the message names the field.
     """
     if not isinstance(value, dict):
         raise UsageError(f"{name} is {shown(value)}; it must be an object{source}")

@@ -1,4 +1,4 @@
-"""Folders in which programs of others write: how much is in them, and their removal, however deep they nest."""
+"""Folders in which untrusted programs write: their size, and their removal, however deep they nest."""
 
 import itertools
 import os
@@ -10,9 +10,9 @@ from typing import Final
 MAX_DEPTH: Final = 64
 """Folders inside each other; deeper ones count as too much."""
 MIN_FILE: Final = 4096
-"""Bytes on the disk that any file takes at least."""
+"""Minimum number of bytes on the disk that a file counts as."""
 PASSES: Final = 3
-"""Number of times that a folder is emptied in which files still appear."""
+"""Number of times that a folder is emptied while files still appear in it."""
 
 
 class TooMuchError(Exception):
@@ -20,12 +20,12 @@ class TooMuchError(Exception):
 
 
 def held_bytes(folder: Path, most: int) -> int:
-    """The bytes on the disk of all that stands in a folder; more than `most` are not counted to the end.
+    """The bytes on the disk of everything in a folder; counting ends above `most`.
 
     Raises
     ------
     TooMuchError
-        Folders in it cannot be measured: they nest too deep, or are closed.
+        Folders in it cannot be measured: they nest too deep, or may not be read.
     """
     held, folders = 0, [(str(folder), 0)]
     while folders and held <= most:
@@ -35,7 +35,7 @@ def held_bytes(folder: Path, most: int) -> int:
         try:
             with os.scandir(place) as entries:
                 for entry in entries:
-                    with suppress(FileNotFoundError):  # what is there may go at any time
+                    with suppress(FileNotFoundError):  # it may be removed at any time
                         status = entry.stat(follow_symlinks=False)
                         held += max(getattr(status, "st_blocks", 0) * 512, MIN_FILE)
                         if entry.is_dir(follow_symlinks=False):
@@ -50,10 +50,10 @@ def held_bytes(folder: Path, most: int) -> int:
 
 
 def remove(folder: Path) -> None:
-    """Remove a folder and all that is in it; links are not followed, and what cannot be removed stays.
+    """Remove a folder and everything in it; links are not followed, and what cannot be removed stays.
 
-    Folders inside of its folders are moved up first. So no name gets longer than the system takes, and nothing here
-    calls itself, as `shutil.rmtree` does.
+    Nested folders are moved up first. So no path gets longer than the system allows, and there is no recursion as in
+    `shutil.rmtree`.
     """
     mark, numbers = secrets.token_hex(8), itertools.count()
     if folder.is_symlink():

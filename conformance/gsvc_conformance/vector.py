@@ -26,7 +26,7 @@ from gsvc_conformance.operation import Operation, Values, operations
 from gsvc_conformance.profiles import ANY, profile_of
 from gsvc_conformance.reading import Archive, Folder, check_size, elements_of, native, parse_json, parse_npy
 from gsvc_conformance.runs import pack, unpack
-from gsvc_conformance.schema import COUNT, NEEDED, OBJECT, TEXT, TEXTS, Schema, checked
+from gsvc_conformance.schema import COUNT, NEEDED, OBJECT, TEXT, TEXTS, Schema, checked, shown
 
 PACKED: Final = Path(__file__).with_name("vectors.zip")
 """The vectors of an installed kit."""
@@ -195,7 +195,7 @@ def manifests_in(files: Mapping[str, bytes]) -> dict[str, dict[str, Any]]:
     Raises
     ------
     UsageError
-        One is none.
+        One is not a manifest.
     """
     names = sorted(name for name in files if name.endswith(f"/{MANIFEST}"))
     return {name.removesuffix(f"/{MANIFEST}"): manifest_of(files[name], name) for name in names}
@@ -207,16 +207,16 @@ def manifest_of(data: bytes, name: str) -> dict[str, Any]:
     Raises
     ------
     UsageError
-        It is none, or a field is missing or of another type; the message begins with `name`.
+        It is not one, or a field is missing or of another type; the message names the file.
     """
     try:
         manifest: dict[str, Any] = parse_json(data)
     except ValueError as error:
-        raise UsageError(f"{name} is not JSON that this kit reads: {error}") from None
+        raise UsageError(f"{name} cannot be read as JSON: {error}") from None
     checked(manifest, FIELDS, name)
     for kind, entries in (("input", manifest["inputs"]), ("output", manifest["outputs"])):
         for port, entry in entries.items():
-            checked(entry, OUTPUT if kind == "output" else {}, f"the {kind} {port!r} of {name}")
+            checked(entry, OUTPUT if kind == "output" else {}, f"the {kind} {shown(port)} of {name}")
     return manifest
 
 
@@ -281,7 +281,7 @@ class _Listed:
         Raises
         ------
         UsageError
-            It is none, its runs do not fit, or those of the vector are too large together.
+            It is not one, its runs do not fit, or the arrays of the vector are too large together.
         """
         stored = parse_npy(self.data(entry), str(self.path(entry)))
         count = elements_of(entry["shape"]) if "runs" in entry else stored.size

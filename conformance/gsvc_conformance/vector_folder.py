@@ -281,7 +281,7 @@ class VectorFolder:
                         not isinstance(value, np.ndarray | int | float | bytes)
                         or np.asarray(value).dtype.kind not in "uifS"
                     ):
-                        raise TypeError(f"the input {port} is no array of numbers")
+                        raise TypeError(f"the input {port} is not an array of numbers")
             yield vector
 
     def _vector(self, name: str) -> Vector:
@@ -324,11 +324,11 @@ class VectorFolder:
     def input_size(self, name: str) -> int:
         """The bytes of a vector's inputs as `operation.input_size` counts them, by its manifest and the sizes of files.
 
-        It is 0 if these are damaged, which is told when the vector is read.
+        It is 0 if these are damaged; reading the vector says so.
         """
         try:
             return sum(self._bytes_of(name, entry) for entry in self.manifest(name)["inputs"].values())
-        except Exception:  # whatever a hostile manifest makes of what reads it
+        except Exception:  # a hostile manifest may raise anything
             return 0
 
     def _bytes_of(self, name: str, entry: Mapping[str, Any]) -> int:
@@ -394,7 +394,7 @@ def _damaged(vector: Path, advice: str) -> Iterator[None]:
         raise
     except OSError:
         raise
-    except Exception as error:  # whatever a hostile manifest makes of what reads it
+    except Exception as error:  # a hostile manifest may raise anything
         raise UsageError(f"the vector {vector} cannot be read ({type(error).__name__}: {error}); {advice}") from None
 
 

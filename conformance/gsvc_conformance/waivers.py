@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from gsvc_base.errors import UsageError
 from gsvc_conformance.causes import MEND, looks_like
-from gsvc_conformance.globs import MAX_GLOB, Names, matcher
+from gsvc_conformance.globs import MAX_GLOB, Names
 from gsvc_conformance.reading import read_toml
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.schema import cut, shown
@@ -70,19 +70,15 @@ class Waiver:
         """The reason, and where it is followed up."""
         return f"{self.reason} ({self.issue})" if self.issue else self.reason
 
-    def matches(self, name: str) -> bool:
-        """Whether it names a vector."""
-        return any(matcher(pattern)(name) for pattern in self.vectors)
-
 
 @dataclass(frozen=True)
 class Matches:
-    """What waivers are for among the vectors of a folder, which one pass over their globs finds.
+    """Which vectors of a folder waivers name; one pass over their globs finds it.
 
     Attributes
     ----------
     counting, over
-        By the id of a vector the first waiver that names it and counts, and the first one that does not any more.
+        By the id of a vector, the first waiver that names it and counts, and the first one that names it and is over.
     unmatched
         Each id or glob that matches no vector, with its waiver.
     """
@@ -112,7 +108,7 @@ class Waivers:
         return self.among([name]).counting.get(name)
 
     def among(self, names: Iterable[str]) -> Matches:
-        """What they are for among some vectors."""
+        """Which of some vectors they name."""
         return _matches(self, tuple(names))
 
     def counting(self) -> list[Waiver]:
@@ -126,7 +122,9 @@ class Waivers:
 
     def reasons(self, names: Iterable[str]) -> dict[str, str]:
         """The reasons by id, of the vectors that are waived today."""
-        return {name: waiver.excuse for name, waiver in self.among(names).counting.items()}
+        names = tuple(names)
+        counting = self.among(names).counting
+        return {name: counting[name].excuse for name in names if name in counting}
 
     def unmatched(self, names: Sequence[str]) -> list[str]:
         """A sentence about each id or glob that matches no vector of a folder, if these are few."""
@@ -139,7 +137,7 @@ class Waivers:
         return sentences + [f"{more:,} other ids or globs of waivers match no vector: take them out"] * (more > 0)
 
     def stale(self, results: Sequence[Result], names: Sequence[str]) -> list[str]:
-        """A sentence about whatever has to leave the file: what is over, matches no vector, or is not needed.
+        """A sentence about each waiver or glob to take out: it is over, matches no vector, or is not needed.
 
         Parameters
         ----------
@@ -227,7 +225,7 @@ def _waiver(what: str, table: Mapping[str, Any]) -> Waiver:
     Raises
     ------
     UsageError
-        It is none.
+        It is not one.
     """
     for key in table:
         if key not in KEYS:
@@ -273,7 +271,7 @@ def renewed(
     """
     kept = []
     found = waivers.among(names)
-    unmatched = set(found.unmatched)
+    unmatched = {pattern for _, pattern in found.unmatched}
     of_each: dict[Waiver, list[Result]] = {}
     for result in results:
         if result.id in found.counting:
@@ -282,7 +280,7 @@ def renewed(
         mine = of_each.pop(waiver, [])
         needed = [result.id for result in mine if result.outcome != "pass"]
         passing = Names({result.id for result in mine} - set(needed))
-        known = [p for p in waiver.vectors if (waiver, p) not in unmatched]
+        known = [p for p in waiver.vectors if p not in unmatched]
         globs = [p for p in known if not any(passing.matching(p))]
         index = Names(needed)
         covered = {name for glob in globs for name in index.matching(glob)}

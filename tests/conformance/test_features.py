@@ -77,7 +77,7 @@ def test_every_key_is_read(tmp_path):
         ("profiles = ['papre']", "profiles of .* has 'papre'; did you mean paper?"),
         ("classes = ['renderin']", "did you mean rendering"),
         ("operations = ['render']", "did you mean render_sum"),
-        ("level: 2", "features.toml is not TOML: "),
+        ("level: 2", "features.toml cannot be read as TOML: "),
     ],
 )
 def test_files_with_something_wrong(tmp_path, text, reason):
@@ -87,7 +87,7 @@ def test_files_with_something_wrong(tmp_path, text, reason):
 
 def test_what_is_no_text_is_no_toml(tmp_path):
     (tmp_path / "features.toml").write_bytes(b"level = 2 # \xff")
-    with pytest.raises(UsageError, match="is not TOML"):
+    with pytest.raises(UsageError, match="cannot be read as TOML"):
         read_features(tmp_path / "features.toml")
 
 

@@ -21,10 +21,20 @@ from gsvc_conformance import globs, scratch
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.features import read_features
 from gsvc_conformance.globs import Names
-from gsvc_conformance.reading import MAX_BYTES, MAX_DOTS, MAX_TEXT, Folder, parse_npy, read_bytes, read_toml
+from gsvc_conformance.reading import (
+    MAX_BYTES,
+    MAX_DIMENSIONS,
+    MAX_DOTS,
+    MAX_TEXT,
+    Folder,
+    elements_of,
+    parse_npy,
+    read_bytes,
+    read_toml,
+)
 from gsvc_conformance.report.comparison import read_speeds
 from gsvc_conformance.report.json import read
-from gsvc_conformance.vector import SUMS, VECTORS
+from gsvc_conformance.vector import SUMS, VECTORS, npy
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.waivers import read_waivers
 
@@ -251,8 +261,17 @@ def test_an_export_of_inputs_that_do_not_fit_their_operation(tmp_path, capsys):
 
 def test_an_npy_file_is_not_believed(tmp_path):
     head = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1099511627776,), }\n"
-    with pytest.raises(UsageError, match=r"^x is said to be float64 \(1099511627776,\), and has 8 bytes of data"):
+    with pytest.raises(
+        UsageError, match=r"^x has 8 bytes of data, which do not fit its type float64 and shape \(1099511627776,\)"
+    ):
         parse_npy(b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head + bytes(8), "x")
+    with pytest.raises(UsageError, match=r"^x has elements of type complex128; they must be integers or floating"):
+        parse_npy(npy(np.zeros(2, "c16")), "x")
+
+
+def test_a_shape_of_many_dimensions_is_not_multiplied():
+    assert elements_of([2] * MAX_DIMENSIONS) == 1 << MAX_DIMENSIONS
+    assert elements_of([2] * (MAX_DIMENSIONS + 1)) == -1
 
 
 def test_a_folder_of_vectors_is_read_as_deep_as_vectors_stand(folder, capsys):
@@ -324,7 +343,11 @@ def test_a_text_that_is_too_large_is_not_read(tmp_path):
     ("text", "words"),
     [("a = " + "[" * 50_000, "nested too deep"), ("a = " + "{b=" * 50_000, "nested too deep"),
      (".".join("a" * 100_000) + " = 1", "more than 32 parts"), ("[" + ".".join("a" * 100_000) + "]", "32 parts"),
-     ("a = {" + " . ".join(["'a'"] * 100_000) + " = 1}", "more than 32 parts"), ("a = 1" + "0" * 5000, "is not TOML")],
+     ("a = {" + " . ".join(["'a'"] * 100_000) + " = 1}", "more than 32 parts"),
+     ("a = 1" + "0" * 5000, "cannot be read as TOML"),
+     ('"x\\' * 30_000, "Unescaped"), ('"""\n\\' * 30_000, "Expected '='"),
+     ("a = {b = \"\"\"\"\"\"\"\", " + ".".join("a" * 100_000) + " = 1}", "more than 32 parts"),
+     ("a = {b = '''''''', " + ".".join("a" * 100_000) + " = 1}", "more than 32 parts")],
 )  # fmt: skip
 def test_toml_of_a_hostile_form_is_refused_at_once(tmp_path, reader, text, words):
     path = tmp_path / "x.toml"

@@ -95,9 +95,10 @@ EDITS = [
     (lambda r: r["results"][0]["outputs"][0].update(wrong=1.5), "wrong of an output .* must be a whole number"),
     (lambda r: r["results"][0]["outputs"][0].update(passed="yes"), "passed of an output .* must be true or false"),
     (lambda r: r["results"][0].update(outcome="fine"), "the outcome 'fine'"),
+    (lambda r: r["results"][0].update(id="a/b"), "id of result 0 is 'a/b'; it must be TIER/OPERATION/SLUG"),
     (
         lambda r: r["results"][0].update(table={"title": "t", "columns": ["x"], "rows": [["a"]]}),
-        "a table has a row that is not a name with a cell for each column",
+        "a table has a row without a name and one cell for each column",
     ),
     (lambda r: r["results"][0].update(level=[0] * 9999), r"level of result 0 is \[0, 0, [0, ]+\.\.\.; it must be"),
     (lambda r: r["results"].append(7), "result 1 is 7; it must be an object"),

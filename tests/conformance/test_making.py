@@ -270,7 +270,8 @@ def test_files_that_are_no_inputs_are_refused(here, capsys):
     (here / "kept/in").mkdir(parents=True)
     np.savez("objects.npz", parameters=np.array([{}], object))
     for file, words in (
-        ("text.npz", "is not an .npz file of plain arrays"), ("objects.npz", "is not an .npz file of plain arrays"),
+        ("text.npz", "cannot be read as an .npz file of plain arrays"),
+        ("objects.npz", "cannot be read as an .npz file of plain arrays"),
         ("table.csv", "is neither an .npz file, nor a .gsvc file, nor a folder"),
         ("nothing.npz", "there is no nothing.npz"),
         ("empty", "empty has no .npy or .gsvc files; render_sum takes parameters, width, height"),

@@ -80,7 +80,7 @@ def test_what_is_stale(tmp_path):
 
 
 BAD = {
-    "no TOML": ('{"core/scale/by_two": "why"}', "is not TOML: Invalid statement"),
+    "no TOML": ('{"core/scale/by_two": "why"}', "cannot be read as TOML: Invalid statement"),
     "key of the file": ('[[waivers]]\nvectors = ["a"]', "has 'waivers' outside of a waiver; each waiver begins with"),
     "one table": ('[waiver]\nvectors = ["a"]\nreason = "b"', "has one [waiver]; each of them begins with [[waiver]]"),
     "unknown key": ('[[waiver]]\nvectors = ["a"]\nreson = "b"', "has the key 'reson'; did you mean reason?"),

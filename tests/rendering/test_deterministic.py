@@ -1,9 +1,5 @@
 """The precision ``deterministic``: the bits of its plain form for any threads, regions, CPU, with JIT or without."""
 
-import re
-import struct
-from pathlib import Path
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -183,14 +179,3 @@ def test_render_sum_and_render_agree():
     assert C.dtype == np.float32
     clamped = Renderer(WIDTH, HEIGHT, precision="deterministic").picture(splats)
     assert np.array_equal(np.clip(C, 0, 1), clamped)
-
-
-def test_the_constants_are_those_of_the_specification():
-    """The table of section 9.3, by value and by bits."""
-    text = (Path(__file__).parents[2] / "spec.md").read_text(encoding="utf-8")
-    table = re.findall(r"^\| (K|k\d) \| `([^`]+)` \| `([0-9a-f]{8})` \|$", text, re.MULTILINE)
-    values = {"K": SUPPORT_SQUARED, "k1": K1, "k2": K2, "k3": K3, "k4": K4, "k5": K5}
-    assert [name for name, _, _ in table] == list(values)
-    for name, value, bits in table:
-        assert float.fromhex(value) == values[name]
-        assert struct.pack(">f", values[name]).hex() == bits

@@ -54,7 +54,8 @@ def forbidden(
     """What a source does that it may not."""
     tree = ast.parse(source)
     refused = (UNPICKLING | NETWORK) - {
-        *(["asyncio"] if may_wait else []), *(["pickle"] if may_unpickle else []), *(["http"] if may_serve else [])
+        *(["asyncio"] if may_wait else []), *(["pickle"] if may_unpickle else []),
+        *(["http", "socket"] if may_serve else []),
     }  # fmt: skip
     found = [f"imports {name}" for name in imported(tree) if name in refused]
     for call in calls(tree):

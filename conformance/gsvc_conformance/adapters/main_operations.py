@@ -11,7 +11,7 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gsvc_conformance.adapters.main_tables import ALPHAS, HALF_TABLE, MOST_TABLED, exp2_table, families, step_of
+from gsvc_conformance.adapters.main_tables import ALPHAS, HALF_TABLE, MAX_TABLED, exp2_table, families, step_of
 
 Array = npt.NDArray[Any]
 Outputs = dict[str, Any]
@@ -64,7 +64,7 @@ class MainOperations:
     @cached_property
     def tables(self) -> Any:
         """The buffer of EXP2, LOGISTIC and LAPLACE, (15-3), and of (15-8) for all n up to 15 and all α."""
-        room = [0] * (HALF_TABLE * MOST_TABLED * len(ALPHAS))
+        room = [0] * (HALF_TABLE * MAX_TABLED * len(ALPHAS))
         buffer = self.accelerator.upload(np.array([*exp2_table(), *families()[0], *families()[1], *room], np.uint32))
         self.dispatch("main_frequencies", "half_tables", 255 * len(ALPHAS), {3: buffer}, [], 255)
         return buffer

@@ -7,7 +7,7 @@ from typing import Final
 OCTAVE: Final = 1024
 ALPHAS: Final = (1, 2, 3, 4, 6, 10, 20, 100)
 """α by `halving_code`."""
-MOST_TABLED: Final = 15
+MAX_TABLED: Final = 15
 HALF_TABLE: Final = 17
 """Splats of the largest part that has a table, and the numbers of a table."""
 

@@ -60,7 +60,7 @@ def read(path: Path) -> Report:
     Raises
     ------
     UsageError
-        It is no report.
+        It is not a report.
     """
     try:
         return from_object(read_json(path))
@@ -175,7 +175,9 @@ def result_from(value: Any, what: str) -> Result:
     """
     result = checked(value, RESULT, what, AS_WRITTEN)
     name = result["id"]
-    if result["outcome"] not in OUTCOMES or name.count("/") != 2:
+    if name.count("/") != 2:
+        raise UsageError(f"id of {what} is {shown(name)}; it must be TIER/OPERATION/SLUG{AS_WRITTEN}")
+    if result["outcome"] not in OUTCOMES:
         raise UsageError(f"{shown(name)} has the outcome {shown(result['outcome'])}; there are {', '.join(OUTCOMES)}")
     outputs = [checked(output, OUTPUT, f"an output of {cut(name)}", AS_WRITTEN) for output in result.pop("outputs")]
     group, causes, table = result.pop("class"), tuple(result.pop("causes")), result.pop("table")
@@ -191,7 +193,7 @@ def result_from(value: Any, what: str) -> Result:
 
 def _table_from(table: Mapping[str, Any]) -> Table:
     if any(len(row) != len(table["columns"]) + 1 for row in table["rows"]):
-        raise UsageError(f"a table has a row that is not a name with a cell for each column{AS_WRITTEN}")
+        raise UsageError(f"a table has a row without a name and one cell for each column{AS_WRITTEN}")
     return Table(table["title"], tuple(table["columns"]), tuple(map(tuple, table["rows"])))
 
 
@@ -218,7 +220,7 @@ OUTPUT: Final[Schema] = {
     "ratio": (RATIO, None), "place": (PLACE, None), "wrong": (COUNT, 0), "refused": (TEXT, ""), "advice": (TEXT, ""),
 }  # fmt: skip
 TABLE: Final[Schema] = {"title": (TEXT, NEEDED), "columns": (TEXTS, NEEDED), "rows": (ROWS, NEEDED)}
-"""Of a report and its parts, the fields that are read, what each may be, and what stands for one that is left out."""
+"""The fields of a report and its parts that are read: what each may be, and its default."""
 
 
 def _to_ratio(ratio: float | None) -> float | str | None:

@@ -185,7 +185,7 @@ class PictureBook:
         view: View | None = None
         try:
             view = view_of(vector, outputs, result) if simple or worst else None
-        except Exception as error:  # whatever an output makes of what draws it: the page has all the rest
+        except Exception as error:  # an output may break what draws it: the page has everything else
             self.faults.append(f"{result.id} has no picture ({type(error).__name__}: {error}); please report it")
         if view is not None and worst:
             self._worst[result.operation] = (ratio, result.id, view)

@@ -48,8 +48,8 @@ globalThis.GSVC ??= {};
   }
 
   /**
-   * The steps to the sum C of splats over a frame, (H, W, 3), which is returned; splats in ascending order at every pixel.
-   * After each splat the part that is done is yielded.
+   * Returns the sum C of splats over a frame, (H, W, 3); splats in ascending order at every pixel. It yields after each
+   * splat which part is done, 0 to 1.
    */
   function* renderingSteps(parameters, width, height) {
     const sum = new Float32Array(3 * width * height);
@@ -60,7 +60,7 @@ globalThis.GSVC ??= {};
     return sum;
   }
 
-  /** What steps return, taken without a pause. */
+  /** The result of a generator of steps, run without a pause. */
   function finished(steps) {
     for (;;) {
       const { done, value } = steps.next();

@@ -144,7 +144,7 @@ globalThis.GSVC ??= {};
       return found;
     }
 
-    /** A pass of the bits above the lowest `left` ones, at most 14 of each; without any, a value is no symbol. */
+    /** A pass of the bits above the lowest `left` ones, at most 14 of each; a value without such bits has no symbol. */
     #uniform(sizes, left, found) {
       this.symbol = 0;
       for (let i = 0; i < sizes.length; i++) {

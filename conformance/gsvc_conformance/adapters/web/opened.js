@@ -255,8 +255,8 @@ globalThis.GSVC ??= {};
     /**
      * A function of n that gives the frame at n; going forwards reads each frame once.
      *
-     * `steps(n)` takes the way there, which may be long, frame by frame, and returns what the function gives; `distance(n)`
-     * is how many frames have to be decoded for it.
+     * `steps(n)` decodes a frame a step up to n, and returns what the function gives; `distance(n)` is how many frames
+     * have to be decoded for it.
      */
     seeker() {
       let current = null; // { state, next }: the state behind the frame that was read last
@@ -363,7 +363,7 @@ globalThis.GSVC ??= {};
   const readInSteps = (reading, onProgress = () => {}, signal = null) =>
     inSteps(reading.steps(), (at) => onProgress(at / reading.size), signal);
 
-  /** What steps return; every LONGEST_STEP it tells what they yield, and lets the page go on. */
+  /** The result of a generator of steps; every LONGEST_STEP it tells what that yields, and lets the page go on. */
   async function inSteps(steps, onProgress = () => {}, signal = null) {
     let rested = performance.now();
     for (;;) {
