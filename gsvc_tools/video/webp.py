@@ -23,12 +23,16 @@ MILLISECOND: Final = Fraction(1, 1000)
 ANIMATED: Final = 2
 """The flag in the chunk VP8X that says that a file has the chunks ANIM and ANMF."""
 
+MAX_CHUNKS: Final = 1 << 20
+"""Maximum number of chunks: a gigabyte of empty ones would take most of a minute."""
+
 
 def picture_delays(source: Path | BinaryIO) -> list[int] | None:
     """For how many milliseconds each picture of an animated WebP is shown; None of any other file.
 
     Chunks are read up to the first that is cut off, as far as the file states its size. A file object is left where it
-    was. A GsvcError ``limit`` refuses more than MAX_FILE bytes, all of which would be held in memory.
+    was. A GsvcError ``limit`` refuses more than MAX_FILE bytes, which would all be held in memory, and more than
+    MAX_CHUNKS chunks.
     """
     with ExitStack() as stack:
         file = stack.enter_context(source.open("rb")) if isinstance(source, Path) else source
@@ -43,12 +47,14 @@ def picture_delays(source: Path | BinaryIO) -> list[int] | None:
                 "limit", f"an animated WebP has {end - start} bytes; at most {MAX_FILE} are read: shorten it"
             )
         delays, position = [], start + 12
-        while position < end and len(header := _at(file, position, 24)) >= 8:
+        for _ in range(MAX_CHUNKS):
+            if position >= end or len(header := _at(file, position, 24)) < 8:
+                return delays
             size = int.from_bytes(header[4:8], "little")
             if header[:4] == b"ANMF" and len(header) == 24:
                 delays.append(int.from_bytes(header[20:23], "little"))
             position += 8 + size + size % 2
-        return delays
+        raise GsvcError("limit", f"an animated WebP has more than {MAX_CHUNKS} chunks: shorten it")
 
 
 def _at(file: BinaryIO, position: int, count: int) -> bytes:

@@ -18,6 +18,7 @@ from gsvc_base.errors import GsvcError
 from gsvc_ref.metrics import psnr
 from gsvc_ref.video import ColorDescription, VideoFormat, open_video, open_writer
 from gsvc_ref.video.stream import Extras
+from gsvc_tools.video.webp import MAX_CHUNKS, picture_delays
 
 MS = Fraction(1, 1000)
 
@@ -111,6 +112,15 @@ def test_a_file_that_would_fill_the_memory_is_refused(tmp_path):
     with pytest.raises(GsvcError, match="an animated WebP has 2147483656 bytes") as caught:
         open_video(path)
     assert caught.value.kind == "limit"
+
+
+def test_chunks_without_end_are_not_counted(tmp_path):
+    size = 16 * MAX_CHUNKS
+    with (tmp_path / "a.webp").open("wb") as file:
+        file.write(b"RIFF" + (size - 8).to_bytes(4, "little") + b"WEBPVP8X" + (10).to_bytes(4, "little") + b"\2")
+        file.truncate(size)  # zeros: empty chunks
+    with pytest.raises(GsvcError, match="more than 1048576 chunks"):
+        picture_delays(tmp_path / "a.webp")
 
 
 def test_a_still_webp_is_a_video_of_one_frame(tmp_path):
