@@ -46,7 +46,8 @@ def picture_delays(source: Path | BinaryIO) -> list[int] | None:
             raise GsvcError(
                 "limit", f"an animated WebP has {end - start} bytes; at most {MAX_FILE} are read: shorten it"
             )
-        delays, position = [], start + 12
+        delays: list[int] = []
+        position = start + 12
         for _ in range(MAX_CHUNKS):
             if position >= end or len(header := _at(file, position, 24)) < 8:
                 return delays
