@@ -368,7 +368,7 @@ class _Opened:
         with self.open(name, "rb") as file:
             status = os.fstat(file.fileno())
             self.check_regular(name, status)
-            if status.st_size > most or len(data := file.read(most + 1)) > most:
+            if status.st_size > most or len(data := file.read(status.st_size + 1)) > most:
                 raise UnusableFileError(f"{self.path / name} has {status.st_size} bytes; at most {most} are read")
         return data
 
@@ -377,10 +377,12 @@ class _Opened:
         try:
             with file:
                 file.write(data)
+                file.flush()
                 if durable:
-                    file.flush()
                     os.fsync(file.fileno())
-            os.replace(self._at(part), self._at(name), src_dir_fd=self.handle, dst_dir_fd=self.handle)
+                if os.name == "nt":
+                    file.close()  # Windows renames no open file
+                os.replace(self._at(part), self._at(name), src_dir_fd=self.handle, dst_dir_fd=self.handle)
         except BaseException as error:
             with suppress(OSError):
                 self.unlink(part)
@@ -393,18 +395,37 @@ class _Opened:
                 os.fsync(self.handle)
 
     def _new(self, name: str) -> tuple[str, BinaryIO]:
-        """A new file under one of its temporary names; what a write that was killed left there is removed."""
+        """A new file under one of its temporary names, locked until it is closed."""
         for part in _parts_of(name):
-            with suppress(OSError):
-                self.unlink(part)
+            self._remove_leftover(part)
             with suppress(FileExistsError):
-                return part, self.open(part, "xb")
+                file = self.open(part, "xb")
+                if self._is_locked(file, part):
+                    return part, file
+                file.close()
         raise UnusableFileError(f"{self.path / part} is not a file of this command: remove it")
+
+    def _is_locked(self, file: BinaryIO, part: str) -> bool:
+        """Lock a file; False if another process has the lock, or has renamed or removed the file before."""
+        with suppress(FileNotFoundError):
+            return try_lock(file) is not False and os.path.samestat(os.fstat(file.fileno()), self.status(part))
+        return False
+
+    def _remove_leftover(self, part: str) -> None:
+        """Remove a temporary name unless another process writes the file, or it is a folder."""
+        with suppress(OSError):
+            if not stat.S_ISREG(self.status(part).st_mode):
+                self.unlink(part)
+                return
+            with self.open(part, "ab") as file:
+                if self._is_locked(file, part):
+                    if os.name == "nt":
+                        file.close()  # Windows removes no open file
+                    self.unlink(part)
 
     def remove(self, name: str) -> None:
         for part in _parts_of(name):
-            with suppress(OSError):
-                self.unlink(part)
+            self._remove_leftover(part)
         self.unlink(name)
 
 

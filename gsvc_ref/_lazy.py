@@ -28,7 +28,7 @@ def lazily(
 
     def get(name: str) -> Any:
         if name not in homes:
-            if find_spec(f"{package}.{name}") is not None:  # a module of the package
+            if name.isidentifier() and name[0] != "_" and find_spec(f"{package}.{name}"):  # a module of the package
                 return import_module(f"{package}.{name}")
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, attribute = homes[name]

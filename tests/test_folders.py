@@ -3,6 +3,7 @@
 import os
 import stat
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from errno import ENOSPC
 from pathlib import Path
 
@@ -148,6 +149,17 @@ def test_a_lock_that_is_not_a_file_is_refused(tmp_path, kind):
     with pytest.raises(UsageError, match="lock is not a regular file: remove it"):
         OwnFolder(tmp_path / "a", "record", lock="lock")
     assert not (tmp_path / "victim").exists()
+
+
+@posix
+def test_two_that_write_the_same_name_are_in_nobody_s_way(tmp_path):
+    data = [bytes([letter]) * 4096 for letter in b"ab"]
+    with OwnFolder(tmp_path / "a") as own, ThreadPoolExecutor(len(data)) as pool:
+        for written in [pool.submit(own.write, "x", data[i % 2]) for i in range(300)]:
+            written.result()
+            assert own.read("x", 4096) in data
+        pool.shutdown()
+        assert own.names() == ["x"]
 
 
 @pytest.mark.parametrize("call", ["fsync", "replace"])

@@ -44,14 +44,24 @@ globalThis.GSVC ??= {};
   function showFrame(n) {
     clearTimeout(state.waiting);
     const steps = state.file.stream.frame.steps(n);
+    const settle = () => {
+      if (player.late) $("busy").hidden = true;
+      player.late = false;
+    };
     const goOn = () => {
       const begun = performance.now();
       for (;;) {
-        const { done, value } = steps.next();
-        if (done) {
-          if (player.late) $("busy").hidden = true;
-          player.late = false;
-          put(n, value);
+        let step;
+        try {
+          step = steps.next();
+        } catch (error) {  // no memory is left, say
+          settle();
+          player.pause();
+          throw error;
+        }
+        if (step.done) {
+          settle();
+          put(n, step.value);
           return;
         }
         if (performance.now() - begun > GSVC.LONGEST_STEP) break;

@@ -100,11 +100,11 @@ class AnimatedWebpReader(VideoReader):
 
     def _find_rate(self) -> Fraction:
         """The frame rate that all times keep to, or else their mean; then each frame has a time stamp."""
-        begins = np.array([0, *accumulate(self._delays)])
-        if begins[-1] == 0:
+        if not any(self._delays):
             self.note(f"frame rate not stated by {self._name}, so assumed: 25 per second")
             return Fraction(25)
         self._delays = [max(delay, 1) for delay in self._delays]  # times must grow
+        begins = np.array([0, *accumulate(self._delays)])
         mean = Fraction(1000 * len(self._delays), int(begins[-1]))
         exact = mean.limit_denominator(MAX_RATE_DENOMINATOR)
         for rate in (Fraction(max(1, round(mean))), exact):

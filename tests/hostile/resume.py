@@ -92,8 +92,8 @@ class _Case:
     def plant(self, rng: random.Random) -> str:
         """Damage one of the groups that are kept, or put something in place of any."""
         there = [path.name for name in NAMES if _has_bytes(path := self.kept / name)]
-        if not self.kept.is_dir():
-            return "nothing, as there was no folder"
+        if not (self.kept / ABOUT).is_file():  # a folder without it that holds something is refused, as it should be
+            return "nothing, as there was no record"
         how = rng.choice(DAMAGES if there else ("link", "dangling link", "FIFO", "device", "part"))
         path = self.kept / rng.choice(there or NAMES)
         data = bytearray(path.read_bytes() if there else b"")
