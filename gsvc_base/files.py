@@ -112,7 +112,7 @@ def opened_output(target: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     """The file that a stream goes to: a path as by `complete_file`, ``-`` for standard output, or an open file."""
     if not isinstance(target, str | Path):
         if not hasattr(target, "write") or hasattr(target, "encoding"):
-            raise UsageError(f"a {type(target).__name__} is no target; give a path or a file opened in mode 'wb'")
+            raise UsageError(f"a {type(target).__name__} is not a target; give a path or a file opened in mode 'wb'")
         yield target
         return
     if str(target) == "-":

@@ -167,7 +167,7 @@ def _import_advice(name: str, error: BaseException) -> str:
     if not isinstance(error, ModuleNotFoundError):
         return ""
     if Path(name).is_file():
-        return f"; {name} is no module; a program is judged with --impl"
+        return f"; {name} is not a module; a program is judged with --impl"
     if error.name == name:
         return "; it must be in the current folder, installed, or in a folder of PYTHONPATH"
     if not name.startswith("gsvc_conformance.adapters."):

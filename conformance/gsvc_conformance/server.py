@@ -373,7 +373,7 @@ class _Server:
             value = None
         if not isinstance(value, dict):
             raise self._fault(
-                f"{place}it wrote a line that is no object of JSON: {_shown(line)}; standard output is the protocol's, "
+                f"{place}it wrote a line that is not a JSON object: {_shown(line)}; standard output is the protocol's, "
                 "so let it and its libraries print to standard error"
             )
         return value

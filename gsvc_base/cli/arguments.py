@@ -61,7 +61,7 @@ def frame_rate(text: str) -> Fraction:
     """A number above 0 as a ratio: ``25``, ``29.97`` or ``30000/1001``."""
     match = re.fullmatch(r"\d{1,9}(\.\d{1,9}|/\d{1,9})?", text, re.ASCII)
     if match is None or re.search(r"/0+$", text) or Fraction(text) == 0:
-        raise ArgumentTypeError(f"{text!r} is no frame rate, such as 25, 29.97 or 30000/1001")
+        raise ArgumentTypeError(f"{text!r} is not a frame rate, such as 25, 29.97 or 30000/1001")
     return Fraction(text)
 
 
@@ -87,7 +87,7 @@ def amount(text: str) -> float:
     """A number above 0 with k, M or G for powers of 1000, or Ki, Mi or Gi for powers of 1024: ``500k`` is 500000."""
     match = re.fullmatch(r"(\d{1,15}(?:\.\d{1,9})?)(?:([kKMG])(i?))?", text, re.ASCII)
     if match is None or float(match[1]) == 0:
-        raise ArgumentTypeError(f"{text!r} is no amount above 0, such as 500k, 1.5M, 2Mi or 800000")
+        raise ArgumentTypeError(f"{text!r} is not an amount above 0, such as 500k, 1.5M, 2Mi or 800000")
     power = "kMG".index(match[2].replace("K", "k")) + 1 if match[2] else 0
     unit: int = (1024 if match[3] else 1000) ** power
     return float(match[1]) * unit

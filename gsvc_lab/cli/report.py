@@ -87,7 +87,9 @@ def check_page(page: str, *sources: str) -> None:
     A UsageError says that it is not the name of a page; others are those of `check_output`.
     """
     if Path(page).suffix.lower() not in PAGE_SUFFIXES:
-        raise UsageError(f"{page} is no name of a page; it ends in .html, such as {Path(page).stem or 'page'}.html")
+        raise UsageError(
+            f"{page} is not the name of a page; it ends in .html, such as {Path(page).stem or 'page'}.html"
+        )
     for source in sources:
         check_output(page, source)
 

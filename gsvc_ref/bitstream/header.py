@@ -116,7 +116,7 @@ class SequenceHeader:
         written = _header_elements(Writer(), self)
         for other in fields(self):
             if other.name not in written and getattr(self, other.name) != other.default:
-                raise UsageError(f"`{other.name}` is no element of profile {PROFILES[self.profile]}; leave it out")
+                raise UsageError(f"`{other.name}` is not an element of profile {PROFILES[self.profile]}; leave it out")
 
     @property
     def elements(self) -> dict[str, int]:

@@ -25,7 +25,7 @@ def describe_damage(name: str, stream: "Stream", fault: GsvcError, start: int, c
     else:
         place = f"after {plural(count, 'complete frame')}"
     if fault.rule == TRAILING_RULE:
-        return f"{name} is sound up to its end chunk: {fault}", "What follows the end is no part of the stream"
+        return f"{name} is sound up to its end chunk: {fault}", "What follows the end is not part of the stream"
     advice = "Fetch the file again if you can"
     if _more_frames(stream, start + count):
         return f"{name} is damaged {place}: {fault}", f"{advice}; --salvage finds more frames after the damage"

@@ -86,7 +86,7 @@ def opened_source(source: Source, frame_rate: FrameRate | None = None) -> Iterat
             yield reader
     else:
         raise UsageError(
-            f"a {type(source).__name__} is no source; give a path, an array (T, H, W, 3) of uint8 or uint16, an "
+            f"a {type(source).__name__} is not a source; give a path, an array (T, H, W, 3) of uint8 or uint16, an "
             f"iterable of frames (H, W, 3), a VideoReader, a Scene, or (frames, VideoFormat(...))"
         )
 

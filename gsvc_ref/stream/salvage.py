@@ -218,7 +218,7 @@ class Salvage:
             self._gap = None
 
     def _trailing_data(self) -> Iterator[Gap]:
-        """R-6.1-4, after the end chunk: what follows is no part of the stream."""
+        """R-6.1-4, after the end chunk: what follows is not part of the stream."""
         try:
             self._decoder.check_nothing_follows(self._place)
         except GsvcError as fault:

@@ -29,7 +29,7 @@ class Source:
             self._file = source
         else:
             raise UsageError(
-                f"a {type(source).__name__} is no source; give a path, bytes or a file opened in mode 'rb'"
+                f"a {type(source).__name__} is not a source; give a path, bytes or a file opened in mode 'rb'"
             )
         self.seekable = hasattr(self._file, "seekable") and self._file.seekable()
         self.offset = 0  # bytes from the start of the stream to what `read` returns next

@@ -75,7 +75,7 @@ class Wishes:
 
     def __post_init__(self) -> None:
         if not self.types or set(self.types) - set("IPR"):
-            raise UsageError(f"the types {self.types!r} are no letters of IPR, such as IPR or PPPR")
+            raise UsageError(f"the types {self.types!r} are not letters of IPR, such as IPR or PPPR")
         if self.frames is not None and self.frames < 1:
             raise UsageError("a stream has at least one frame")
         if self.splats is not None and self.splats < 0:

@@ -60,7 +60,7 @@ def check_page(arguments: Namespace) -> None:
     if arguments.output == STDIO:
         raise UsageError("--report reads the file that was written, and there is none: give OUT.gsvc a name")
     if Path(page).suffix.lower() not in (".html", ".htm"):
-        raise UsageError(f"--report {page} is no name of a page; it ends in .html, such as --report page.html")
+        raise UsageError(f"--report {page} is not the name of a page; it ends in .html, such as --report page.html")
     check_output(page, arguments.input)
     if page_writer() is None:
         raise UsageError("--report needs gsvc_lab, which makes the page and comes with gsvc_ref: pip install .")

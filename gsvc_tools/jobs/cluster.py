@@ -196,7 +196,7 @@ def opened_cluster(address: str) -> Iterator[Cluster]:
     missing, that there is no scheduler, that it has no workers, or that one of them has no gsvc_ref or another version.
     """
     if not ADDRESS.fullmatch(address):
-        raise UsageError(f"{address!r} is no address of a scheduler; give it as tcp://HOST:8786")
+        raise UsageError(f"{address!r} is not the address of a scheduler; give it as tcp://HOST:8786")
     try:
         client = _client(address, CONNECT_S)
     except ImportError as error:

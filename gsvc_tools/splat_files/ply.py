@@ -75,7 +75,7 @@ def read_ply(path: str | Path) -> Vertices:
                 "count in its header, or write it again",
             )
         vertices = np.frombuffer(file.read(size), dtype, count)
-    lost = [f"elements of PLY files that are no vertices: {', '.join(others[:8])}"] if others else []
+    lost = [f"elements of PLY files that are not vertices: {', '.join(others[:8])}"] if others else []
     return Vertices({name: vertices[name] for name in dtype.names or ()}, lost)
 
 

@@ -114,7 +114,7 @@ class LibavReader(VideoReader):
         reason = getattr(error, "strerror", error)
         return GsvcError(
             "malformed",
-            f"{self._name} is no video that FFmpeg can read ({reason}), or it is cut off (its index may stand at the "
+            f"{self._name} is not a video that FFmpeg can read ({reason}), or it is cut off (its index may be at the "
             f"end); give a whole video file, a y4m file or a folder of PNG files",
         )
 

@@ -146,7 +146,7 @@ def test_without_a_driver_it_says_which_to_install(monkeypatch):
 
 def test_a_device_that_is_not_there_is_told_with_those_that_are(monkeypatch):
     monkeypatch.setenv("PYOPENCL_CTX", "no such platform")
-    with pytest.raises(RuntimeError, match=r"PYOPENCL_CTX=no such platform is no device; there are 0:0 \("):
+    with pytest.raises(RuntimeError, match=r"PYOPENCL_CTX=no such platform is not a device; there are 0:0 \("):
         device.context.__wrapped__()
 
 

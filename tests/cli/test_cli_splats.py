@@ -115,7 +115,7 @@ def test_other_elements_of_ply_files_are_said_to_be_lost(tmp_path, capsys):
     faces = b"element face 1\nproperty uchar i\nend_header\n"
     ply.write_bytes(ply.read_bytes().replace(b"end_header\n", faces) + b"\1")
     assert main(["import", str(ply), str(tmp_path / "x.gsvc"), "--width", "40", "--height", "30", "--quiet"]) == 0
-    assert "lost: elements of PLY files that are no vertices: face" in capsys.readouterr().err
+    assert "lost: elements of PLY files that are not vertices: face" in capsys.readouterr().err
 
 
 def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, capsys):
@@ -142,7 +142,7 @@ def test_a_damaged_stream_gives_the_frames_before_the_damage(npz, tmp_path, caps
         (["import", "pipes", "x.gsvc"], 2, "a.ply is not a regular file"),
         (["import", "-", "x.gsvc"], 2, "cannot come from standard input"),
         (["import", "empty", "x.gsvc"], 2, "holds no .ply files"),
-        (["import", "bad.npz", "x.gsvc", "--frame-rate", "0"], 2, "'0' is no frame rate"),
+        (["import", "bad.npz", "x.gsvc", "--frame-rate", "0"], 2, "'0' is not a frame rate"),
         (["import", "bad.npz", "x.gsvc", "--origin", "3"], 2, "'3' is not X,Y"),
         (["export", "bad.npz", "x.npz"], 1, "R-6.1-1"),
         (["export", "bad.npz", "x.txt"], 2, "cannot tell what to write as x.txt"),

@@ -326,7 +326,7 @@ def test_a_program_as_a_module(folder, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     Path("decoder.c").touch()
     assert run(folder, "--module", "decoder.c") == 2
-    assert "decoder.c is no module; a program is judged with --impl" in capsys.readouterr().err
+    assert "decoder.c is not a module; a program is judged with --impl" in capsys.readouterr().err
 
 
 def test_a_missing_package_is_named_before_any_work(folder, monkeypatch, capsys):

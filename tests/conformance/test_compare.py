@@ -155,8 +155,8 @@ def test_the_command_refuses_what_is_no_report(entries, tmp_path, capsys):
     part = tmp_path / "part.json"
     part.write_text('{"form": "speeds/1"}')
     for words, message in (
-        ([str(other)], "other.json is no report of `run --json`: its format is None"),
-        ([str(page), str(good)], "page.html is no report of `run --json`"),
+        ([str(other)], "other.json is not a report of `run --json`: its format is None"),
+        ([str(page), str(good)], "page.html is not a report of `run --json`"),
         ([str(good), "--speeds", str(part)], "has not the form speeds/1"),
         ([str(good), str(tmp_path / "b" / "good.json"), "--tables"], "two reports are called good"),
         ([str(good), "--speeds", str(other)], "has not the form speeds/1"),

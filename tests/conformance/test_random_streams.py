@@ -199,8 +199,8 @@ def test_the_level_is_raised_to_what_is_wished():
 @pytest.mark.parametrize(
     ("wishes", "words"),
     [
-        ({"types": "XY"}, "no letters of IPR"),
-        ({"types": ""}, "no letters of IPR"),
+        ({"types": "XY"}, "not letters of IPR"),
+        ({"types": ""}, "not letters of IPR"),
         ({"frames": 0}, "at least one frame"),
         ({"splats": -1}, "at least 0 splats"),
         ({"elements": {"bit_deph": 8}}, "no element bit_deph"),

@@ -157,7 +157,7 @@ def test_a_buffer_that_is_not_cleared_shows(folder, tmp_path):
     assert asked_again.message.startswith("gave 3 different answers in 3 runs, of which 2 are wrong: a race, or memory")
 
 
-NOISE = "it wrote a line that is no object of JSON: "
+NOISE = "it wrote a line that is not a JSON object: "
 ENDS = "without an answer"
 WRONG = {
     "dies by a signal": ("os.kill(os.getpid(), signal.SIGSEGV)", "crash", f"killed by SIGSEGV {ENDS}"),
@@ -319,7 +319,7 @@ HELLOS = {
     "silence": ("time.sleep(600)", "no hello after 1 s"),
     "noise": (
         "print('Loading model...', flush=True)",
-        "in place of the hello it wrote a line that is no object of JSON: 'Loading model...'; standard",
+        "in place of the hello it wrote a line that is not a JSON object: 'Loading model...'; standard",
     ),
     "another version": (
         "say(gsvc=2, name='x')",
@@ -400,5 +400,5 @@ def test_a_failure_is_told_with_the_command_that_serves_again(folder, tmp_path, 
     command = command_of(tmp_path, "print('warming up', flush=True)")
     assert run(folder, command, "--operation", "scale", "--show", "1") == 1
     out = capsys.readouterr().out
-    assert "it wrote a line that is no object of JSON: 'warming up'" in out
+    assert "it wrote a line that is not a JSON object: 'warming up'" in out
     assert "again: gsvc-conformance run --serve " in out

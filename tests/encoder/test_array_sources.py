@@ -48,9 +48,9 @@ def test_16_bits_and_a_frame_rate():
         (["a.png"], "frame 0 is a str"),
         ([None], "frame 0 is a NoneType"),
         ([np.zeros((8, 8, 3), np.uint8), np.zeros((8, 9, 3), np.uint8)], r"frame 1: .* shape \(8, 9, 3\)"),
-        (5, "a int is no source"),
-        (None, "a NoneType is no source"),
-        ({"a": 1}, "a dict is no source"),
+        (5, "a int is not a source"),
+        (None, "a NoneType is not a source"),
+        ({"a": 1}, "a dict is not a source"),
     ],
 )
 def test_what_is_no_video_is_refused_with_what_to_do(source, message):

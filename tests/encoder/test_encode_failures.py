@@ -220,7 +220,7 @@ def test_samples_above_the_peak_are_refused():
 
 @pytest.mark.parametrize("source", [None, 5, (CLIP, 24), (CLIP, SMALL, 3), CLIP[0]])
 def test_what_is_no_source_is_refused(source, tmp_path):
-    with pytest.raises(UsageError, match=r"is no source|a frame is \(H, W, 3\)|a video is \(T, H, W, 3\)"):
+    with pytest.raises(UsageError, match=r"is not a source|a frame is \(H, W, 3\)|a video is \(T, H, W, 3\)"):
         encode(source, tmp_path / "clip.gsvc", fast())
     assert names(tmp_path) == []
 

@@ -75,9 +75,9 @@ def test_elements_of_the_header() -> None:
     header = SequenceHeader(profile=MAIN, level=1, width=3, height=2, layer_count=4)
     assert list(header.elements) == names
     assert header == SequenceHeader(**header.arguments)
-    with pytest.raises(UsageError, match="`cholesky_bits` is no element of profile main"):
+    with pytest.raises(UsageError, match="`cholesky_bits` is not an element of profile main"):
         SequenceHeader(profile=MAIN, level=1, width=3, height=2, cholesky_bits=5)
-    with pytest.raises(UsageError, match="`layer_count` is no element of profile paper"):
+    with pytest.raises(UsageError, match="`layer_count` is not an element of profile paper"):
         SequenceHeader(level=1, width=3, height=2, layer_count=2)
     with pytest.raises(UsageError, match=r"R-6\.3-1"):
         SequenceHeader(profile=MAIN, level=1, width=3, height=2, layer_count=5)

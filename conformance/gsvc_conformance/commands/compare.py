@@ -25,7 +25,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
         "Of two reports, the first is the earlier one: what passed there and does not pass in the second is named "
         "(exit code 1). With --tables, --markdown, --speeds or another number of reports, they are shown beside each "
-        "other, an operation a row (exit code 0: another implementation is no regression). "
+        "other, an operation a row (exit code 0: another implementation is not a regression). "
         "In tables, a column is named as its file. The cell of an operation says how many of its vectors pass, what "
         "became of the others, and in parentheses the worst error as a multiple of its bound, in core vectors and, if "
         "that is another, in all. Links lead to the files, and to RESULT.html if that stands beside RESULT.json."

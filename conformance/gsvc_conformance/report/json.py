@@ -65,7 +65,7 @@ def read(path: Path) -> Report:
     try:
         return from_object(read_json(path))
     except UsageError as error:
-        raise UsageError(f"{path} is no report of `run --json`: {error}") from None
+        raise UsageError(f"{path} is not a report of `run --json`: {error}") from None
 
 
 def to_object(report: Report) -> dict[str, Any]:

@@ -87,7 +87,7 @@ def test_scenes_are_encoded_from_python_by_name_and_from_files(tmp_path):
 
 
 def test_what_is_no_source_says_that_a_scene_is_one():
-    with pytest.raises(UsageError, match=r"an? int is no source; give a path, .*, a VideoReader, a Scene"):
+    with pytest.raises(UsageError, match=r"an? int is not a source; give a path, .*, a VideoReader, a Scene"):
         gsvc_ref.encode(3, io.BytesIO())
 
 

@@ -150,7 +150,7 @@ def test_a_scheduler_that_is_not_there(monkeypatch):
 
 @pytest.mark.parametrize("address", ["", "nothing", "ftp://x:1", "tcp://x", "tcp://:", "tcp://x:123456", "tcp://x y:1"])
 def test_addresses_that_are_none(address):
-    with pytest.raises(UsageError, match="is no address of a scheduler; give it as tcp://HOST:8786"):
+    with pytest.raises(UsageError, match="is not the address of a scheduler; give it as tcp://HOST:8786"):
         open_only(address)
 
 

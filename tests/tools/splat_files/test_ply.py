@@ -138,6 +138,6 @@ def test_other_types_and_what_follows_the_vertices(tmp_path):
     vertices = np.array([(1.5, 3), (2.5, 4)], [("x", "<f8"), ("red", "u1")]).tobytes()
     (tmp_path / "a.ply").write_bytes(header.encode() + vertices + b"\1\0\0\0\0")
     columns, lost = read_ply(tmp_path / "a.ply")
-    assert lost == ["elements of PLY files that are no vertices: face"]
+    assert lost == ["elements of PLY files that are not vertices: face"]
     assert columns["x"].tolist() == [1.5, 2.5]
     assert columns["red"].tolist() == [3, 4]

@@ -186,7 +186,7 @@ def test_damage_from_the_start(tmp_path):
     data = path.read_bytes()
     start = data.index(b"mdat") + 4
     path.write_bytes(data[:start] + b"\xff" * (len(data) - start))
-    with pytest.raises(GsvcError, match="no video that FFmpeg can read") as caught:
+    with pytest.raises(GsvcError, match="not a video that FFmpeg can read") as caught:
         open_video(path)
     assert caught.value.kind == "malformed"
 
@@ -361,10 +361,10 @@ def test_a_file_that_is_cut_off_gives_the_frames_before(tmp_path):
     ("name", "data", "message"),
     [
         ("notes.txt", b"a line of text\n" * 50, "text file"),
-        ("clip.mp4", b"a line of text\n" * 50, "no video that FFmpeg can read"),
-        ("clip.bin", b"\xfe" * 5000, "no video that FFmpeg can read"),
+        ("clip.mp4", b"a line of text\n" * 50, "not a video that FFmpeg can read"),
+        ("clip.bin", b"\xfe" * 5000, "not a video that FFmpeg can read"),
         ("sub.srt", b"1\n00:00:00,000 --> 00:00:01,000\nhello\n", "holds no video"),
-        ("list.m3u8", b"#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n", "no video that FFmpeg can read"),
+        ("list.m3u8", b"#EXTM3U\n#EXTINF:1,\nhttp://127.0.0.1:9/a.ts\n", "not a video that FFmpeg can read"),
     ],
 )
 def test_files_that_are_no_video(tmp_path, capfd, name, data, message):

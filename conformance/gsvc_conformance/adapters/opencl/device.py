@@ -60,7 +60,7 @@ def context() -> cl.Context:
                 for number, platform in enumerate(platforms)
                 for place, device in enumerate(platform.get_devices())
             ]
-            raise RuntimeError(f"PYOPENCL_CTX={wanted} is no device; there are {', '.join(there)}") from None
+            raise RuntimeError(f"PYOPENCL_CTX={wanted} is not a device; there are {', '.join(there)}") from None
     gpus = [device for device in devices if device.type & cl.device_type.GPU]
     return cl.Context([(gpus or devices)[0]])
 
