@@ -20,7 +20,7 @@ help:            ## list the commands
 demo: .venv/.ready-progress            ## encode, decode and compare the built-in clip; writes demo/report.html
 	$(BIN)/gsvc demo
 
-test: .venv/.ready-$(EXTRAS)            ## run the tests, in 5½ minutes on two cores (EXTRAS=test,peers also compares with PyTorch)
+test: .venv/.ready-$(EXTRAS)            ## run the tests, in 4 minutes on two cores (EXTRAS=test,peers also compares with PyTorch)
 	$(BIN)/python -m pytest $(WORKERS) -m 'not exhaustive'
 
 test-all: .venv/.ready-$(EXTRAS)            ## run all tests, also those that take long

@@ -50,7 +50,7 @@ def main(arguments: list[str]) -> int:
         with TemporaryDirectory() as folder:
             return 0 if kills(given.count, given.seed, Path(folder)) else 1
     if given.command == "viewer":
-        from tests.hostile import viewer_cost  # which needs what the pages are tested with
+        from tests.hostile import viewer_cost
 
         return 0 if viewer_cost.table(given.level) else 1
     return 0 if table(given.level, given.entries or ENTRIES) else 1
