@@ -1,6 +1,5 @@
 """The profile of a vector: an implementation that claims it must pass the vector (spec.md section 13.1)."""
 
-from collections.abc import Mapping
 from typing import Final
 
 from gsvc_conformance.operation import Operation, Values
@@ -8,8 +7,6 @@ from gsvc_conformance.pairs import sections
 
 PROFILES: Final = ("paper", "main")
 """The profiles of spec.md section 5, by their values."""
-SINCE: Final[Mapping[str, int]] = {"paper": 1, "main": 3}
-"""The first set with vectors of a profile: those of older sets that state it were made when it was unknown."""
 ANY: Final = "any"
 """The profile of vectors that every claim needs."""
 
@@ -25,7 +22,7 @@ SECTION_OF_MAIN: Final = "15."
 def profile_of(operation: Operation, inputs: Values) -> str:
     """The profile of a vector, or `ANY`.
 
-    Of a stream it is the profile that its header states, and ``paper`` where none can be read.
+    Of a stream it is the profile that its header states; a stream from which none can be read is of every profile.
 
     Parameters
     ----------
@@ -34,17 +31,17 @@ def profile_of(operation: Operation, inputs: Values) -> str:
     inputs
         Its inputs, by name.
     """
+    if streams := [value for value in inputs.values() if isinstance(value, bytes)]:
+        stated = {profile for profile in map(stated_profile, streams) if profile != ANY}
+        return max(stated, key=PROFILES.index, default=ANY)
     if sections().get(operation.name, "").startswith(SECTION_OF_MAIN):
         return "main"
-    if operation.name in OF_PAPER:
-        return "paper"
-    streams = [value for value in inputs.values() if isinstance(value, bytes)]
-    return max(map(stated_profile, streams), key=PROFILES.index) if streams else ANY
+    return "paper" if operation.name in OF_PAPER else ANY
 
 
 def stated_profile(stream: bytes) -> str:
-    """The profile of a sequence header that stands where it must; else ``paper``."""
+    """The profile of a sequence header that stands where it must; `ANY` where none can be read."""
     from gsvc_conformance.level import header_payload
 
     stated = header_payload(stream)[:1]
-    return PROFILES[stated[0]] if stated and stated[0] < len(PROFILES) else PROFILES[0]
+    return PROFILES[stated[0]] if stated and stated[0] < len(PROFILES) else ANY

@@ -18,7 +18,7 @@ from gsvc_base.errors import UsageError
 from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
-from gsvc_conformance.profiles import ANY, SINCE
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.reading import MAX_TEXT, check_size, read_json
 from gsvc_conformance.schema import cut, shown
 from gsvc_conformance.sets import VectorSet, newest, read_sets, withdrawn
@@ -81,20 +81,6 @@ class Selection:
         kinds = {"tier": self.tiers, "operation": self.operations, "class": self.groups, "case": self.patterns,
                  "rule": self.rules, "equation": self.equations, "flag": self.flags}  # fmt: skip
         return ", ".join(_named(kind, values) for kind, values in kinds.items() if values)
-
-
-def _check_since(profile: str, chosen: VectorSet) -> None:
-    """Refuse to judge a claim by a set that is older than its profile.
-
-    Raises
-    ------
-    UsageError
-        It is.
-    """
-    if chosen.number < SINCE.get(profile, 1):
-        raise UsageError(
-            f"set {chosen.number} has no vectors of profile {profile}, which came with set {SINCE[profile]}"
-        )
 
 
 def _named(kind: str, values: tuple[str, ...]) -> str:
@@ -211,21 +197,12 @@ class VectorFolder:
         chosen = [name for name in self.names if selection.holds(name)]
         for field, values in selection.of_manifests.items():
             chosen = self._having(field, values, chosen)
-        if self.set:
-            _check_since(selection.profile, self.set)
-            chosen = [name for name in chosen if not self._made_before_its_profile(name, self.set)]
         if selection.profile:
             chosen = [name for name in chosen if self.manifest(name).get("profile", ANY) in (ANY, selection.profile)]
         if chosen:
             return chosen
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
         raise UsageError(f"{what}; see gsvc-conformance list --cases")
-
-    def _made_before_its_profile(self, name: str, its_set: VectorSet) -> bool:
-        """Whether a vector of a set states a profile that was unknown when the set was made."""
-        return its_set.number < max(SINCE.values()) and its_set.number < SINCE.get(
-            self.manifest(name).get("profile", ANY), 1
-        )
 
     def check_patterns(self, before: str, patterns: tuple[str, ...]) -> None:
         """Refuse a pattern that no vector of the folder matches: it is mistyped.

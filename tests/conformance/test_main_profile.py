@@ -19,7 +19,7 @@ from gsvc_conformance.mutants import Mutant, answer, judge, main_profile
 from gsvc_conformance.operation import operations
 from gsvc_conformance.pairs import sections
 from gsvc_conformance.preconditions import broken
-from gsvc_conformance.profiles import ANY, OF_PAPER, PROFILES, SECTION_OF_MAIN, profile_of
+from gsvc_conformance.profiles import ANY, OF_PAPER, SECTION_OF_MAIN, profile_of
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_ref import spec
@@ -89,7 +89,7 @@ def test_profiles_name_operations() -> None:
     assert set(OF_PAPER) <= operations().keys()
     assert len(OF_MAIN) > 10
     assert profile_of(operations()["render_sum"], {"width": 3}) == ANY
-    assert profile_of(operations()["reconstruct_stream"], {"stream": b"no stream"}) == PROFILES[0]
+    assert profile_of(operations()["reconstruct_stream"], {"stream": b"no stream"}) == ANY
 
 
 def test_claims_and_features_name_the_profile() -> None:
