@@ -22,6 +22,17 @@ def _none(*shape: int) -> I8:
     return np.zeros(shape, np.int64)
 
 
+class Field(NamedTuple):
+    """A motion field."""
+
+    vectors: I8  # (rows, columns, 2), in quarter pixels
+    side: int  # of a cell in pixels; 0: no field
+
+
+NO_FIELD: Final = Field(_none(0, 0, 2), 0)
+"""The field of what does not move."""
+
+
 class CodeArrays(NamedTuple):
     """The arrays of `IntraCodes`, as kernels have them: (N, 2), (N, 3), (N, 3) and (N, 2) i8."""
 
@@ -90,6 +101,11 @@ class MainCodes:
     def repeated_frame(cls) -> "MainCodes":
         """An R-frame: the splats of the frame before."""
         return cls(type="R")
+
+    @property
+    def field(self) -> Field:
+        """Its motion field."""
+        return Field(self.vectors, SIDES[self.motion_cell])
 
     @property
     def intra_count(self) -> int:

@@ -18,7 +18,7 @@ from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.rans import LOWEST_STATE
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.cells import code_cells, halving_count
-from gsvc_ref.main.codes import GROUPS, REMOVED, SIDES, IntraCodes, MainCodes
+from gsvc_ref.main.codes import GROUPS, NO_FIELD, REMOVED, SIDES, Field, IntraCodes, MainCodes
 from gsvc_ref.main.densities import (
     ALPHAS,
     PLANES,
@@ -54,6 +54,7 @@ class MainState:
     past: I8  # (N,), what it did with each: 0 nothing, or it was in an I-frame, 1 it changed, 2 it was new
     models: Models
     densities: Densities | None = None  # those that are kept; None: there are none since the last I-frame
+    inherited: Field = NO_FIELD  # what `motion_cell` 0 stands for: in a layer, while it is coded, the field of the base
 
     @classmethod
     def initial(cls, width: int, height: int) -> "MainState":
@@ -204,7 +205,9 @@ def _read_run(
     lanes, size, state = _lanes(s, codes.lane_exponent), (before.width, before.height), before
     try:
         if len(before.values):
-            codes, values, past, models = read_predicted(lanes, size, before.values, before.past, before.models, codes)
+            codes, values, past, models = read_predicted(
+                lanes, size, before.values, before.past, before.models, codes, before.inherited
+            )
             state = replace(before, values=values, past=past, models=models)
         if count:
             assert before.densities is not None
@@ -314,15 +317,16 @@ def code_predicted(
     """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11)."""
     splats, models, step = before.values, before.models, step_of(codes.quantizer)
     models = Models(models.counts)
-    motion, side = np.zeros((len(splats), 2), np.int64), SIDES[codes.motion_cell]
-    if side:
+    vectors, side = before.inherited
+    if codes.motion_cell:
+        side = SIDES[codes.motion_cell]
         with run.part("motion"):
             shape = field_shape(before.width, before.height, side)
-            field = code_field(run, models, shape, None if given is None else given.vectors)
-        codes = replace(codes, vectors=field)
-        motion = field_motion(splats, field, side)
+            vectors = code_field(run, models, shape, None if given is None else given.vectors)
+        codes = replace(codes, vectors=vectors)
+    motion = field_motion(splats, vectors, side)
     with run.part("modes"):
-        contexts = mode_contexts(splats, motion, before.past, codes.vectors, side, before.width, before.height)
+        contexts = mode_contexts(splats, motion, before.past, vectors, side, before.width, before.height)
         modes = models.code(run, "mode", contexts, None if given is None else given.modes)
     differences = code_differences(run, models, modes, None if given is None else given.differences)
     stay = modes != REMOVED

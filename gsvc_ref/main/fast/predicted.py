@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.codes import GROUP_ENDS, GROUPS, REMOVED, SIDES, MainCodes
+from gsvc_ref.main.codes import GROUP_ENDS, GROUPS, NO_FIELD, REMOVED, SIDES, Field, MainCodes
 from gsvc_ref.main.fast.lanes import (
     MODES,
     MOTION,
@@ -39,6 +39,7 @@ class Reference(NamedTuple):
     width: int  # of the frame in pixels
     height: int
     side: int  # of a motion cell in pixels, 0: no field
+    own: bool  # whether the field is read, not inherited
     step: int  # D in 1/16
 
 
@@ -63,22 +64,31 @@ class ReadPredicted(NamedTuple):
 
 
 def read_predicted(
-    lanes: Lanes, size: tuple[int, int], values: I8, past: I8, models: Models, codes: MainCodes
+    lanes: Lanes,
+    size: tuple[int, int],
+    values: I8,
+    past: I8,
+    models: Models,
+    codes: MainCodes,
+    inherited: Field = NO_FIELD,
 ) -> ReadPredicted:
     """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11).
 
-    `values`, `past` and `models` are those of the `MainState` before, and `codes` the elements in front of the run. A
-    MissingWordError says that the words end before the symbols do.
+    `values`, `past`, `models` and `inherited` are those of the `MainState` before, and `codes` the elements in front of
+    the run. A MissingWordError says that the words end before the symbols do.
     """
-    count, side = len(values), SIDES[codes.motion_cell]
-    field = np.empty((*(field_shape(*size, side) if side else (0, 0)), 2), np.int64)
+    count, own = len(values), codes.motion_cell > 0
+    field, side = inherited
+    if own:
+        side = SIDES[codes.motion_cell]
+        field = np.empty((*field_shape(*size, side), 2), np.int64)
     modes, differences = np.empty(count, np.int64), np.zeros((count, 8), np.int64)
     after, past_after = np.empty((count, 8), np.int64), np.empty(count, np.int64)
     out = Outputs(field, modes, differences, after, past_after, models.counts.copy())
-    stay = _read_predicted(lanes, Reference(values, past, *size, side, step_of(codes.quantizer)), out)
+    stay = _read_predicted(lanes, Reference(values, past, *size, side, own, step_of(codes.quantizer)), out)
     if stay < 0:
         raise MissingWordError
-    read = replace(codes, vectors=field, modes=modes, differences=differences)
+    read = replace(codes, vectors=field if own else codes.vectors, modes=modes, differences=differences)
     return ReadPredicted(read, after[:stay], past_after[:stay], Models(out.counts))
 
 
@@ -88,7 +98,7 @@ def _read_predicted(lanes: Lanes, reference: Reference, out: Outputs) -> int:
     values, side = reference.values, reference.side
     # Models stand still in a frame: one set of tables does for all passes, and what they have seen counts afterwards.
     tables, seen = model_distributions(out.counts), np.zeros(out.counts.shape, np.int64)
-    if side and not read_field(lanes, tables, seen, out.field):
+    if reference.own and not read_field(lanes, tables, seen, out.field):
         return -1
     lanes.spent_after[MOTION] = lanes.spent[0]
     motion, contexts = np.empty((len(values), 2), np.int64), np.empty(len(values), np.int64)
