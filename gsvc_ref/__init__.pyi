@@ -18,6 +18,7 @@ from gsvc_ref.main.operations import density_frequencies as density_frequencies
 from gsvc_ref.main.operations import half_frequencies as half_frequencies
 from gsvc_ref.main.operations import main_inter as main_inter
 from gsvc_ref.main.operations import main_intra as main_intra
+from gsvc_ref.main.operations import main_work as main_work
 from gsvc_ref.main.operations import mode_contexts as mode_contexts
 from gsvc_ref.main.operations import model_frequencies as model_frequencies
 from gsvc_ref.main.operations import motion_of_splats as motion_of_splats

@@ -140,6 +140,7 @@
 #define GSVC_I_FRAME_SECONDS 4 /* seconds from an I-frame of a paced stream to the next one */
 #define GSVC_SUPPORT_RADIUS 0x1.aa1e147bb26eap+1 /* ρ = √(2 ln 255), radius of the support */
 #define GSVC_REACH 0x1.aa1ee98abcac8p+1 /* ρ′ = ρ (1 + 2⁻¹⁷) */
+#define GSVC_MAIN_REACH 54544 /* ⌈2¹⁴ ρ′⌉, the radius of the boxes of profile main in 2⁻¹⁴ */
 #define GSVC_SMALLEST_NORMAL 0x1p-126 /* 2⁻¹²⁶, smallest positive normal binary32; l11 or l22 below it is degenerate */
 #define GSVC_VERSION_MAJOR 129 /* 128 + 1, draft 1 of version 1.0 */
 #define GSVC_REFLECTED_POLYNOMIAL 0x82F63B78u /* CRC-32C, bits of 1EDC6F41 reversed */
@@ -161,15 +162,12 @@
 #define GSVC_LUMINANCE_K 0x1.47ae147ae147bp-7 /* of C1 in (11-6) */
 #define GSVC_STRUCTURE_K 0x1.eb851eb851eb8p-6 /* of C2 in (11-6) */
 #define GSVC_MAIN 1 /* profile main as a value of profile */
-#define GSVC_X_MOST 0x2000000u /* 2²⁵, largest magnitude of X and Y */
+#define GSVC_X_MOST 0x1000000u /* 2²⁴, largest magnitude of X and Y */
 #define GSVC_A_LEAST (-3072) /* least A and B */
 #define GSVC_A_MOST 13311 /* largest A and B */
 #define GSVC_S_MOST 32767 /* largest magnitude of S */
 #define GSVC_N_MOST 0x10000000u /* 2²⁸, largest magnitude of n0, n1 and n2 */
 #define GSVC_CLASS_MOST 10 /* largest class j */
-#define GSVC_MAIN_K1 0x1.4edc560000000p-14 /* 1/√3, in the unit of colours */
-#define GSVC_MAIN_K2 0x1.9a1e720000000p-14 /* 1/√2, in the unit of colours */
-#define GSVC_MAIN_K3 0x1.d990860000000p-15 /* 1/√6, in the unit of colours */
 #define GSVC_PRECISION 14 /* R of profile main */
 #define GSVC_TOTAL 16384 /* 2¹⁴, sum of the frequencies of a symbol */
 #define GSVC_MAGNITUDE_CLASSES 40 /* classes of magnitudes of colour codes */

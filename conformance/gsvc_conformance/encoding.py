@@ -66,7 +66,7 @@ class DecodedFrame:
     parameters
         Its splats, (N, 8) f4.
     work
-        Its rendering work (5-1).
+        Its rendering work, (5-1) or (5-2).
     base
         Splats and work of the base, if the frame may have layers.
     """
@@ -148,19 +148,16 @@ class Decoding:
             for frame in self._spec["read_frames"](self._bits, self._state):
                 if waiting is not None:
                     yield self._decoded(waiting, base)
-                waiting, base = frame, None if layers is None else layers.base
+                waiting = frame
+                base = None if layers is None else (len(layers.base), int(frame["work"]))
         except self._spec["Fault"] as fault:
             self.fault = _fault(fault)
         if waiting is not None:
             yield self._decoded(waiting, base)
 
-    def _decoded(self, frame: Mapping[str, Any], base: Array | None) -> DecodedFrame:
+    def _decoded(self, frame: Mapping[str, Any], base: tuple[int, int] | None) -> DecodedFrame:
         self.count += 1
-        of_base = None if base is None else (len(base), self._work(base))
-        return DecodedFrame(frame["type"], frame["parameters"], self._work(frame["parameters"]), of_base)
-
-    def _work(self, parameters: Array) -> int:
-        return int(self._spec["rendering_work"](parameters, self.header["width"], self.header["height"])["work"])
+        return DecodedFrame(frame["type"], frame["parameters"], int(frame["work"]), base)
 
 
 def _fault(fault: Any) -> StreamFault:

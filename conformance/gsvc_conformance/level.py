@@ -86,10 +86,12 @@ def splat_counts(operation: Operation, inputs: Values) -> Iterator[int]:
 
 def _works(inputs: Values) -> Iterator[int]:
     """The rendering work of the splats that are drawn, of those of another size, too."""
-    if "parameters" not in inputs:
-        return
     from gsvc_base import spec
 
+    if "halvings" in inputs:
+        yield spec.main_work(**inputs)["work"]
+    if "parameters" not in inputs:
+        return
     parameters = inputs["parameters"]
     if "residual" in inputs:
         height, width = inputs["residual"].shape[:2]

@@ -433,6 +433,7 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
     ),
     "main_inter": (STATES,),
     "state_parameters": (STATES,),
+    "main_work": (STATES, ("halvings must be 0 to 3", lambda i: 0 <= i["halvings"] <= 3)),
     "encode_video": (
         ("there must be a frame, and a splat", lambda i: min(len(i["frames"]), i["splats"]) >= 1),
         ("the level must allow so many pixels", lambda i: i["frames"][0, ..., 0].size <= LIMITS[i["level"]]["pixels"]),

@@ -17,6 +17,13 @@ OF_PAPER: Final = (
 """Operations without a stream that sections 6.5 to 8 and 10.5 to 10.6 define."""
 SECTION_OF_MAIN: Final = "15."
 """What the numbers of sections begin with that define an operation of profile `main` alone."""
+WORK_OF_MAIN: Final = "main_work"
+"""The operation of profile `main` alone that section 5 defines."""
+
+
+def of_main(name: str) -> bool:
+    """Whether an operation is of profile `main` alone."""
+    return name == WORK_OF_MAIN or sections().get(name, "").startswith(SECTION_OF_MAIN)
 
 
 def profile_of(operation: Operation, inputs: Values) -> str:
@@ -34,7 +41,7 @@ def profile_of(operation: Operation, inputs: Values) -> str:
     if streams := [value for value in inputs.values() if isinstance(value, bytes)]:
         stated = {profile for profile in map(stated_profile, streams) if profile != ANY}
         return max(stated, key=PROFILES.index, default=ANY)
-    if sections().get(operation.name, "").startswith(SECTION_OF_MAIN):
+    if of_main(operation.name):
         return "main"
     return "paper" if operation.name in OF_PAPER else ANY
 

@@ -31,7 +31,7 @@ STAGES: Final = {
         "gsvc_ref.main.frames.read_intra",
     ),
     "reconstruct": ("gsvc_ref.stream.profiles.reconstruct",),
-    "work": ("gsvc_ref.stream.profiles.rendering_work", "gsvc_ref.main.frames.rendering_work"),
+    "work": ("gsvc_ref.stream.profiles.rendering_work", "gsvc_ref.main.frames.work_of"),
     "chunk": ("gsvc_ref.stream.reader.ChunkDecoder.decode",),
     "render": ("gsvc_ref.stream.decoder.SequenceRenderer.next_frame",),
 }

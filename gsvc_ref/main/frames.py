@@ -16,7 +16,6 @@ from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.coder import ENTROPY_CODER, RUN_PARTS, Coder
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.cells import code_cells, halving_count
 from gsvc_ref.main.codes import GROUPS, NO_FIELD, REMOVED, SIDES, Field, IntraCodes, MainCodes
 from gsvc_ref.main.densities import (
@@ -36,7 +35,7 @@ from gsvc_ref.main.models import Models
 from gsvc_ref.main.motion import code_field, field_motion, field_shape, mode_contexts
 from gsvc_ref.main.passes import LENGTH_UNIT, Run, RunWriter, magnitude_classes
 from gsvc_ref.main.reconstruct import add_differences, colors_of, intra_state, place_bits
-from gsvc_ref.main.state import classes, no_splats, to_splats
+from gsvc_ref.main.state import classes, no_splats, to_splats, work_of
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.paper import FrameType
 
@@ -68,8 +67,8 @@ class MainState:
 
     @cached_property
     def work(self) -> int:
-        """The rendering work of these splats in pairs (5-1)."""
-        return rendering_work(self.splats, self.width, self.height)
+        """The rendering work of these splats in pairs (5-2)."""
+        return work_of(self.values, self.width, self.height)
 
     @cached_property
     def checksum(self) -> int:

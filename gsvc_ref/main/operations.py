@@ -1,5 +1,6 @@
 """The operations of profile `main` by the names and arguments of spec.md section 4.3, from arrays to arrays."""
 
+from operator import index
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -314,6 +315,35 @@ def state_parameters(state: ArrayLike) -> F4:
         The state is of another type or shape.
     """
     return states.parameters_of(_integers("state", state, ANY, 8))
+
+
+# twin of spec.main_work
+@door
+def main_work(state: ArrayLike, width: int, height: int, halvings: int = 0) -> int:
+    """The number of (splat, pixel) pairs in the splats' boxes on a frame, by their states (5-2): see `rendering_work`.
+
+    Parameters
+    ----------
+    state
+        (N, 8) i8, within the ranges of section 15.4.
+    width, height
+        The size of the frame in pixels.
+    halvings
+        0..3: how often both sides are halved before the frame is rendered, with the filter of (9-8f).
+
+    Returns
+    -------
+    int
+        The work, which a level limits for no halvings (R-5-4).
+
+    Raises
+    ------
+    UsageError
+        The state is of another type or shape, or there is no such number of halvings.
+    """
+    if halvings not in range(len(states.HALVED_REACH)):
+        raise UsageError(f"halvings is {halvings!r}; it must be in 0..{len(states.HALVED_REACH) - 1}")
+    return states.work_of(_integers("state", state, ANY, 8), index(width), index(height), halvings)
 
 
 def _side(motion_cell: int, least: int) -> int:

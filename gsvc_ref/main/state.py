@@ -11,9 +11,9 @@ import numpy as np
 from gsvc_base.arrays import F4, I8
 from gsvc_base.splats import Splats
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.tables import power_of_two
+from gsvc_ref.main.tables import EXP2, OCTAVE
 
-X_MOST: Final = 2**25
+X_MOST: Final = 2**24
 A_LEAST: Final = -3072
 A_MOST: Final = 13311
 S_MOST: Final = 32767
@@ -21,10 +21,18 @@ N_MOST: Final = 2**28
 CLASS_MOST: Final = 10
 CLASSES: Final = CLASS_MOST + 1
 
-MAIN_K1: Final = np.float32(float.fromhex("0x1.4edc560000000p-14"))
-MAIN_K2: Final = np.float32(float.fromhex("0x1.9a1e720000000p-14"))
-MAIN_K3: Final = np.float32(float.fromhex("0x1.d990860000000p-15"))
-"""1/√3, 1/√2 and 1/√6, divided by 16 · 255 · √π, as binary32."""
+MAIN_K: Final = (42862, 52495, 30308)
+"""2^29 / (16 · 255 · √π) by √3, √2 and √6: from the axes n of colours to R, G and B."""
+
+MAIN_REACH: Final = 54544
+"""The radius of the support in 2^-14 of a deviation, rounded up."""
+
+HALVED_REACH: Final = (0, 427, 953, 1953)
+"""How far the filter of (9-8f) carries a splat at so many halvings, in 1/256 pixel, rounded up."""
+
+_LEAST_EXPONENT: Final = -42
+_POWERS: Final[F4] = np.ldexp(np.float32(1), np.arange(_LEAST_EXPONENT, 0))
+"""The powers of two of (15-5), from that of the least exponent on."""
 
 SIZE_STEPS: Final[I8] = 1477 >> np.arange(CLASSES)
 """h of each class: the step of A and B that a code of size or aspect stands for, in 1/1024 octave."""
@@ -79,18 +87,60 @@ def parameters_of(state: I8) -> F4:
 @kernel()
 def _find_parameters(state: I8, parameters: F4) -> None:
     for i in range(len(state)):
-        # Every operation is rounded to binary32 in the order of (15-5).
         A, B = state[i, 2], state[i, 3]
-        l11, l22 = np.float32(power_of_two(A)), np.float32(power_of_two(B))
-        g = np.float32(power_of_two(-(A + B) >> 1))  # 1 / sqrt(l11 l22): n is a color times the root of the area
-        a = np.float32(state[i, 5]) * MAIN_K1
-        b = np.float32(state[i, 6]) * MAIN_K2
-        c = np.float32(state[i, 7]) * MAIN_K3
-        parameters[i, 0] = np.float32(state[i, 0]) / np.float32(256)  # x, y in pixels
-        parameters[i, 1] = np.float32(state[i, 1]) / np.float32(256)
-        parameters[i, 2] = l11
-        parameters[i, 3] = (np.float32(state[i, 4]) / np.float32(1024)) * l22  # l21 = s l22
-        parameters[i, 4] = l22
-        parameters[i, 5] = ((a + b) + c) * g  # R, G, B: the transpose of the orthonormal opponent axes
-        parameters[i, 6] = (a - np.float32(2) * c) * g
-        parameters[i, 7] = ((a - b) + c) * g
+        parameters[i, 0] = _number(state[i, 0], -8)  # x, y in pixels
+        parameters[i, 1] = _number(state[i, 1], -8)
+        parameters[i, 2] = _number(EXP2[A & (OCTAVE - 1)], (A >> 10) - 15)
+        parameters[i, 3] = _number(state[i, 4] * EXP2[B & (OCTAVE - 1)], (B >> 10) - 25)  # l21 = S l22
+        parameters[i, 4] = _number(EXP2[B & (OCTAVE - 1)], (B >> 10) - 15)
+        most, s = max(abs(state[i, 5]), abs(state[i, 6]), abs(state[i, 7])), 0
+        while most >> (14 + s):
+            s += 1
+        a, b, c = (state[i, 5] * MAIN_K[0]) >> s, (state[i, 6] * MAIN_K[1]) >> s, (state[i, 7] * MAIN_K[2]) >> s
+        v = -(A + B) >> 1  # 1 / sqrt(l11 l22): n is a color times the root of the area
+        G, exponent = EXP2[v & (OCTAVE - 1)], s + (v >> 10) - 29
+        parameters[i, 5] = _color(a + b + c, G, exponent)  # R, G, B: the transpose of the orthonormal opponent axes
+        parameters[i, 6] = _color(a - 2 * c, G, exponent)
+        parameters[i, 7] = _color(a - b + c, G, exponent)
+
+
+@kernel(inline=True)
+def _number(p: int, exponent: int) -> float:
+    """The binary32 number p 2^exponent, |p| < 2^32: an integer is converted as r24 of (15-5) rounds it."""
+    return float(np.float32(p) * _POWERS[exponent - _LEAST_EXPONENT])
+
+
+@kernel(inline=True)
+def _color(T: int, G: int, exponent: int) -> float:
+    """T G 2^(exponent - 15) in binary32, the magnitude of T G / 2^15 rounded down first (15-5)."""
+    p = (abs(T) * G) >> 15
+    return _number(-p if T < 0 else p, exponent)
+
+
+def work_of(state: I8, width: int, height: int, halvings: int = 0) -> int:
+    """The rendering work of a state (N, 8) on a frame of that size in pixels, halved so often, in pairs (5-2)."""
+    return int(_find_work(np.ascontiguousarray(state), width, height, halvings, HALVED_REACH[halvings]))
+
+
+@kernel()
+def _find_work(state: I8, width: int, height: int, halvings: int, filtered: int) -> int:
+    work = 0
+    for i in range(len(state)):
+        e = _reach(state[i, 3])
+        E_x, E_y = _reach(state[i, 2]), ((e * (1024 + abs(state[i, 4]))) >> 10) + 1
+        columns = _side(state[i, 0], E_x + filtered, width, halvings)
+        work += columns * _side(state[i, 1], E_y + filtered, height, halvings)
+    return work
+
+
+@kernel(inline=True)
+def _reach(v: int) -> int:
+    """The reach of a deviation of 2^(v/1024) pixels in 1/256 pixel, rounded up: E_x and e of (5-2)."""
+    return ((EXP2[v & (OCTAVE - 1)] * MAIN_REACH) >> (21 - (v >> 10))) + 1
+
+
+@kernel(inline=True)
+def _side(middle: int, reach: int, size: int, h: int) -> int:
+    """The columns or rows of a box in a frame of `size` of them, halved h times."""
+    end = min((size + (1 << h) - 1) >> h, (middle + reach + (256 << h) - 1) >> (8 + h))
+    return int(max(0, end - max(0, (middle - reach) >> (8 + h))))

@@ -19,7 +19,7 @@ from gsvc_ref.main.layers import Layers, layer_body, layer_head
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
-from gsvc_ref.stream.profiles import AnyCodes, AnyState, Parsed, profile_of
+from gsvc_ref.stream.profiles import AnyCodes, AnyState, Parsed, profile_of, work_after
 from gsvc_ref.stream.source import Source, SourceReader
 
 CRC_SIZE: Final = chunks.CRC_BITS // 8
@@ -231,7 +231,7 @@ class ChunkDecoder:
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
         repeated = state is place.state  # an R-frame has the work and the checksum of the frame before
-        work = place.work if repeated else self._profile.work(state)
+        work = place.work if repeated else work_after(state)
         self._check_work(work, place)
         checksum_bit = p.first_bit + 8 * len(encode_uv(place.next_number))
         _check_checksum(

@@ -54,9 +54,6 @@ class Profile(Protocol):
     def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
         """Read the rest of the payload of a frame."""
 
-    def work(self, state: AnyState) -> int:
-        """The rendering work of the splats of a state in pairs (5-1)."""
-
     def prepare(
         self,
         make_writer: MakeWriter,
@@ -82,9 +79,6 @@ class _Paper:
         assert isinstance(before, State)
         codes = frame_codes(p, header, before, frame_type)
         return Parsed(codes, lambda: reconstruct(codes, before))
-
-    def work(self, state: AnyState) -> int:
-        return rendering_work(state.splats, state.width, state.height)
 
     def prepare(
         self,
@@ -113,10 +107,6 @@ class _Main:
             return Parsed(MainCodes.repeated_frame(), lambda: before)
         body = frame_body(p, frame_type, before, header.lane_count, header.limits.splats)
         return Parsed(body.codes, lambda: body.after)
-
-    def work(self, state: AnyState) -> int:
-        assert isinstance(state, MainState)
-        return state.work
 
     def prepare(
         self,
@@ -148,3 +138,8 @@ _BY_NUMBER: Final[tuple[Profile, ...]] = (_Paper(), _Main())
 def profile_of(header: SequenceHeader) -> Profile:
     """The profile of a stream."""
     return _BY_NUMBER[header.profile]
+
+
+def work_after(state: AnyState) -> int:
+    """The rendering work of the splats of a state in pairs, (5-1) or (5-2)."""
+    return state.work if isinstance(state, MainState) else rendering_work(state.splats, state.width, state.height)

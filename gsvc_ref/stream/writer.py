@@ -18,7 +18,7 @@ from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
-from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of
+from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of, work_after
 
 MAX_INDEX_BYTES_PER_ENTRY: Final = 10
 
@@ -122,7 +122,7 @@ class StreamWriter:
         prepared = self._profile.prepare(self._make_writer, self.header, self.state, codes, state)
         state = prepared.state
         repeated = state is self.state
-        work = self._work if repeated else self._profile.work(state)
+        work = self._work if repeated else work_after(state)
         if work > self.header.limits.work:
             limit = f"level {self.header.level} allows {self.header.limits.work}"
             raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")

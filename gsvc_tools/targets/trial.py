@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import reduce
 from io import BytesIO
 from itertools import islice
 from typing import Final
@@ -18,14 +17,13 @@ import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_base.portable import log2, power
-from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import level_for
-from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.loop import GroupCoder, silent
 from gsvc_ref.encoder.settings import Settings
 from gsvc_ref.encoder.setup import coder_of, frame_count_of, no_frames
 from gsvc_ref.stream import StreamWriter
+from gsvc_ref.stream.profiles import work_after
 from gsvc_ref.video import ColorDescription, VideoFormat, VideoReader
 from gsvc_tools.targets.budget import header_so_far
 from gsvc_tools.targets.curves import FrameCost, GroupCurve, same_for_all
@@ -182,9 +180,9 @@ def _encode_place(coder: GroupCoder, frames: Sequence[Frame], video: VideoFormat
         seconds = time.perf_counter() - begin
         error = 0.0 if math.isinf(encoded.psnr) else float(power(10.0, -encoded.psnr / 10))
         cost = FrameCost(number, encoded.codes.type, writer.bits(coder, encoded), error)
-        splats = reduce(Splats.append, [layer.state.splats for layer in encoded.layers[1:]], encoded.state.splats)
-        work = rendering_work(splats, video.width, video.height)
-        trials.append(_Trial(cost, seconds, min(encoded.psnr, 100.0), len(splats), work))
+        states = [encoded.state, *(layer.state for layer in encoded.layers[1:])]
+        splats, work = sum(len(state.splats) for state in states), sum(map(work_after, states))
+        trials.append(_Trial(cost, seconds, min(encoded.psnr, 100.0), splats, work))
     return trials
 
 

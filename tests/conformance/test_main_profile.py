@@ -19,7 +19,8 @@ from gsvc_conformance.mutants import Mutant, answer, judge, main_profile
 from gsvc_conformance.operation import operations
 from gsvc_conformance.pairs import sections
 from gsvc_conformance.preconditions import broken
-from gsvc_conformance.profiles import ANY, OF_PAPER, SECTION_OF_MAIN, profile_of
+from gsvc_conformance.profiles import ANY, OF_PAPER, profile_of
+from gsvc_conformance.profiles import of_main as is_of_main
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_ref import spec
@@ -27,8 +28,8 @@ from gsvc_ref.stream import reconstruct_stream
 
 OF_MAIN: Final = [
     name
-    for name, section in sections().items()
-    if section.startswith(SECTION_OF_MAIN) and all(port.type != "stream" for port in operations()[name].inputs)
+    for name in sections()
+    if is_of_main(name) and all(port.type != "stream" for port in operations()[name].inputs)
 ]
 ELEMENTARY: Final = [case for case in cases().values() if case.operation.name in OF_MAIN and case.tier in TIERS]
 OF_STREAMS: Final = [
@@ -117,7 +118,11 @@ DECODERS: Final[Mapping[str, str]] = {
     "class-behind-the-change": "core/main_inter/class_of_the_reference",
     "area-to-zero": "core/state_parameters/odd_sums_of_sizes",
     "area-negated-late": "core/state_parameters/odd_sums_of_sizes",
-    "colors-reassociated": "core/state_parameters/sums_of_colors_in_order",
+    "parameters-cut-off": "core/state_parameters/ties_of_parameters",
+    "parameters-ties-up": "core/state_parameters/ties_of_parameters",
+    "color-shift-of-luma": "core/state_parameters/colors_of_all_magnitudes",
+    "work-of-main-inward": "core/main_work/sides_at_a_pixel_edge",
+    "work-of-main-halved-down": "core/main_work/halved_3",
     "motion-not-rounded": "core/motion_of_splats/motion_rounds_up_at_halves",
     "motion-rounded-from-zero": "core/motion_of_splats/motion_rounds_up_at_halves",
     "unrest-of-corners": "core/mode_contexts/four_neighbours",

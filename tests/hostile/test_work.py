@@ -211,7 +211,7 @@ def calls_of(monkeypatch: pytest.MonkeyPatch, owner: object, name: str) -> list[
 def test_layers_that_repeat_cost_nothing(monkeypatch: pytest.MonkeyPatch, checksums: bool) -> None:
     """A chunk of 8 bytes may stand for as many splats as a level allows: nothing that it repeats is looked at again."""
     data = repeating(replace(main_header(1, 16, 16), parameter_checksum_flag=checksums), 20)
-    work = calls_of(monkeypatch, main_state, "rendering_work")
+    work = calls_of(monkeypatch, main_state, "work_of")
     checksum = calls_of(monkeypatch, main_state, "parameter_checksum")
     joined = calls_of(monkeypatch, Splats, "joined")
     rendered = calls_of(monkeypatch, SequenceRenderer, "next_frame")
@@ -231,7 +231,7 @@ def test_a_layer_that_changes_costs_the_others_nothing(monkeypatch: pytest.Monke
     of_each = {number: [(2, one[1])] for number in range(1, 21)}
     frames = [five, *[MainCodes.repeated_frame()] * 20]
     data = write_stream(head, frames, index=False, layers={0: [(1, five), (2, one[0]), (3, five)], **of_each})
-    work = calls_of(monkeypatch, main_state, "rendering_work")
+    work = calls_of(monkeypatch, main_state, "work_of")
     assert [len(frame.splats) for frame in StreamReader(data, layer=None)] == [16] * 21
     assert [len(splats) for splats in work] == [5, 5, 1, 5, *[1] * 20]
 

@@ -489,9 +489,9 @@ def contexts_of_nothing() -> Inputs:
 
 @case("stress", "mode_contexts", flags=["overflow"])
 def vectors_far_apart() -> Inputs:
-    """Vectors of -2^15 and 2^15 - 1 differ by 2 · 65535, and splats are 2^17 pixels away."""
+    """Vectors of -2^15 and 2^15 - 1 differ by 2 · 65535, and splats are 2^16 pixels away."""
     vectors = ints([[[-(2**15), 2**15 - 1], [2**15 - 1, -(2**15)]], [[-(2**15)] * 2, [-(2**15)] * 2]])
-    rows = state({}, {"X": 2**25, "Y": 2**25}, {"X": -(2**25)}, {"Y": 256 * 20})
+    rows = state({}, {"X": 2**24, "Y": 2**24}, {"X": -(2**24)}, {"Y": 256 * 20})
     motion = [[0, 0], [-(2**21), 2**21], [2**21, 0], [0, 0]]
     expected = yield contexts(rows, [1, 2, 0, 2], motion, vectors, 3, width=17, height=32)
     assert result(expected, "contexts").tolist() == [5, 9, 9, 8]

@@ -1,14 +1,16 @@
-"""Cases of rendering work: how many pixels the boxes of splats hold, in binary64 and exactly."""
+"""Cases of rendering work: how many pixels the boxes of splats hold, in binary64 and exactly, and in integers."""
 
 from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base import spec
 from gsvc_base.constants import LN_255
 from gsvc_base.draws import Draws
 from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
+from gsvc_conformance.cases.main_states import ints, painted, state
 
 RADIUS: Final = 3.3290429691304455 * (1 + 2.0**-17)
 """ρ′ of section 5."""
@@ -155,3 +157,109 @@ def covered_by_rounding() -> Inputs:
     assert u1 * u1 <= np.float32(2 * LN_255)
     expected = yield {"parameters": splats((x, 8, l11, 0, 1e6)), "width": 24, "height": 17}
     assert result(expected, "work") == 24 * 17
+
+
+# --- Of states, by (5-2) ---------------------------------------------------------------------------------------------
+
+
+def pairs(rows: Array, width: int = 24, height: int = 17, halvings: int = 0) -> dict[str, Any]:
+    """Inputs of main_work."""
+    return {"state": rows, "width": width, "height": height, "halvings": halvings}
+
+
+def middle(x: float, y: float, **others: int) -> dict[str, int]:
+    """A state by its place in pixels."""
+    return {"X": round(256 * x), "Y": round(256 * y), **others}
+
+
+STATE_BOXES: Final[dict[str, tuple[dict[str, int], int]]] = {
+    "inside": (middle(10, 8), 8 * 8),
+    "sheared": (middle(10.5, 8.5, S=512), 7 * 11),
+    "sheared_the_other_way": (middle(10.5, 8.5, S=-512), 7 * 11),
+    "at_the_left": (middle(0, 8), 4 * 8),
+    "at_the_bottom": (middle(10, 17), 8 * 4),
+    "in_the_corner": (middle(24, 17), 4 * 4),
+    "beyond_the_left": (middle(-3.5, 8), 0),
+    "just_not_beyond": (middle(-3.25, 8), 1 * 8),
+    "wide": (middle(10, 8, A=1024), 14 * 8),
+    "high": (middle(10, 8, B=1024), 8 * 14),
+    "far_away": ({"X": 2**24, "Y": -(2**24)}, 0),
+    "as_large_as_the_frame": (middle(12, 8, A=13311, B=13311), 24 * 17),
+}
+"""Splats on a frame of 24 by 17 pixels, and the pixels of their boxes."""
+
+
+@case("core", "main_work", each=STATE_BOXES,
+      said={"inside": "inside the frame", "beyond_the_left": "beyond the left side", "at_the_left": "at the left side",
+            "just_not_beyond": "just not beyond the left side"})  # fmt: skip
+def box_of_state(value: tuple[dict[str, int], int]) -> Inputs:
+    """The box of a splat {key}, clipped to the frame."""
+    expected = yield pairs(state(value[0]))
+    assert result(expected, "work") == value[1]
+
+
+@case("core", "main_work", flags=["limit"])
+def sides_at_a_pixel_edge() -> Inputs:
+    """Sides of boxes on an edge of pixels, 1/256 pixel before it and behind it: E and the box are rounded outwards."""
+    A = ints(range(-3072, 4097, 512))
+    reach = spec.main_reach(A)
+    rows = [
+        {"X": 256 * 200 + sign * int(E) + near, "Y": 256 * 150 + sign * (int(E) + int(E == 0)) + near, "A": a, "B": a}
+        for a, E in zip(A.tolist(), reach, strict=True) for sign in (1, -1) for near in (-1, 0, 1)
+    ]  # fmt: skip
+    expected = yield pairs(state(*rows), 400, 300)
+    assert result(expected, "work") > 0
+
+
+@case("core", "main_work")
+def work_of_all_sizes() -> Inputs:
+    """Splats of all octaves, sheared by all degrees, in the middle of a large frame."""
+    rows = [
+        middle(4000, 3000, A=a, B=b, S=s)
+        for a, b in zip(range(-3072, 13312, 1001), range(13311, -3073, -1001), strict=False)
+        for s in (0, 1, -77, 1024, -32767)
+    ]
+    expected = yield pairs(state(*rows), 8000, 6000)
+    assert result(expected, "work") > 2**20
+
+
+@case("core", "main_work", each={str(h): h for h in range(4)})
+def halved(value: int, rng: Draws) -> Inputs:
+    """A frame of 351x287 that is halved {key} times: its sides are rounded up, and boxes get larger by the filter."""
+    corner = state(middle(350.9, 286.9, A=-3072, B=-3072), middle(0, 0, A=-3072, B=-3072), middle(175.5, 144))
+    expected = yield pairs(np.concatenate([painted(rng, 60), corner]), 351, 287, value)
+    assert result(expected, "work") > 0
+
+
+@case("core", "main_work", flags=["many"])
+def many_boxes_of_states(rng: Draws) -> Inputs:
+    """300 splats of a frame of 352x288."""
+    expected = yield pairs(painted(rng, 300), 352, 288)
+    assert result(expected, "work") > 300
+
+
+@case("core", "main_work", flags=["empty"])
+def no_states() -> Inputs:
+    """No splats, no work."""
+    expected = yield pairs(state())
+    assert result(expected, "work") == 0
+
+
+@case("stress", "main_work", flags=["overflow", "limit"])
+def states_beyond_32_bits() -> Inputs:
+    """Nine splats that cover 2^29 pixels: the work exceeds 32 bits."""
+    rows = state(*[middle(16000, 8000, A=13311, B=13311, S=s) for s in (0, 1, -1, 5000, -5000, 32767, -32767, 9, 99)])
+    expected = yield pairs(rows, 32768, 16384)
+    assert result(expected, "work") == 9 << 29
+
+
+@case("stress", "main_work", flags=["overflow", "clamp"], each={"whole": 0, "halved": 3})
+def work_at_the_ends(value: int) -> Inputs:
+    """The ends of all ranges in the largest frame, {key}: no product exceeds 32 bits, and boxes beyond it are empty."""
+    rows = [
+        {"X": x, "Y": y, "A": a, "B": b, "S": s}
+        for x in (-(2**24), 2**24) for y in (-(2**24), 2**24) for a in (-3072, 13311) for b in (-3072, 13311)
+        for s in (-32767, 0, 32767)
+    ]  # fmt: skip
+    expected = yield pairs(state(*rows), 65535, 65535, value)
+    assert result(expected, "work") > 0

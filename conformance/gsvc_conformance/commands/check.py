@@ -267,14 +267,15 @@ def _by_reference(data: bytes, on_frame: OnFrame) -> Outcome:
 
 
 def _reference_frames(data: bytes) -> Iterator[Counted]:
-    from gsvc_ref import rendering_work
     from gsvc_ref.stream import StreamReader
+    from gsvc_ref.stream.profiles import work_after
 
-    reader = StreamReader(data, layer=None)
-    size = reader.header.width, reader.header.height
-    for frame in reader:
-        base = None if frame.layers is None else (len(frame.base), rendering_work(frame.base, *size))
-        yield frame.type, len(frame.splats), rendering_work(frame.splats, *size), base
+    for frame in StreamReader(data, layer=None):
+        work = work_after(frame.state)
+        if frame.layers is None:
+            yield frame.type, len(frame.splats), work, None
+        else:
+            yield frame.type, len(frame.splats), frame.layers.work, (len(frame.base), work)
 
 
 def _chunks(data: bytes) -> list[tuple[str, int, int]]:

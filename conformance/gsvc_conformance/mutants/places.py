@@ -14,10 +14,9 @@ FRAMES: Final = (
 """The first lines of the functions that read a frame, of profile `paper` and of `main`."""
 NUMBER: Final = '    frame["frame_number"] = p.uv()\n    if frame["frame_number"] != state.next_number:  # R-6.4-1\n'
 FLAG: Final = '        raise Fault("R-6.4-1", p.element)\n    frame["parameter_checksum"] = None\n    if state.header["flags"] & 1:\n'
-WORK: Final = '    work = rendering_work(parameters, state.header["width"], state.header["height"])["work"]\n'
 LIMIT: Final = '    if work > state.limits["work"]:  # R-5-4\n        raise Fault("R-5-4", chunk_bit)\n'
-FRAME_END: Final = '    stated = frame["parameter_checksum"]\n'
-LAYER: Final = "def check_shown(parameters, chunk_bit, state):\n"
+FRAME_END: Final = '    frame["work"] = work\n'
+LAYER_END: Final = "    return work\n"
 ERROR: Final = '        error = f"{fault.kind} {fault.rule} {fault.bit}"\n'
 COUNTS: Final = "    counts = np.array([len(part) for part in parameters], np.int64)\n"
 
@@ -39,10 +38,10 @@ def modulo(bits: int) -> Patches:
 
 
 def frame_work(new: str) -> Patches:
-    """Other lines than `WORK` and `LIMIT` for a frame."""
-    return ((WORK + LIMIT + FRAME_END, new + FRAME_END),)
+    """Other lines than `LIMIT` for a frame."""
+    return ((LIMIT + FRAME_END, new + FRAME_END),)
 
 
 def all_work(new: str) -> Patches:
     """The same for a frame and for layers."""
-    return (*frame_work(new), (LAYER + WORK + LIMIT, LAYER + new))
+    return (*frame_work(new), (LIMIT + LAYER_END, new + LAYER_END))

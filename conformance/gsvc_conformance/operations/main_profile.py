@@ -174,6 +174,6 @@ paired(
     inputs="state: i8 (N, 8)",
     outputs="parameters: f4 (N, 8)",
     equations=("15-5",),
-    rules=("R-3.3-1", "R-3.3-2", "R-15.4-2"),
+    rules=("R-15.4-2",),
     oracle=_plain("state_parameters"),
 )

@@ -129,3 +129,15 @@ paired(
     rules=("R-5-4",),
     oracle=exactly(spec.rendering_work),
 )
+
+
+paired(
+    "main_work",
+    "reconstruction",
+    "How many (splat, pixel) pairs the boxes of splats of profile `main` hold.",
+    inputs="state: i8 (N, 8); width: int; height: int; halvings: int",
+    outputs="work: i8 ()",
+    equations=("5-2",),
+    rules=("R-5-4",),
+    oracle=exactly(spec.main_work),
+)
