@@ -11,7 +11,7 @@ from gsvc_ref.bitstream.coder import Bytes, Coder, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 
 MAGIC: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
-VERSION_MAJOR: Final = 128 + 1
+VERSION_MAJOR: Final = 128 + 2
 """Draft 1 of version 1.0 (R-6.1-2)."""
 VERSION_MINOR: Final = 0
 PREFIX_SIZE: Final = len(MAGIC) + 2
@@ -52,7 +52,7 @@ def magic(s: Coder) -> None:
 def version(s: Coder) -> int:
     """`version_major` and `version_minor` of stream(), spec.md section 6.1; the minor one."""
     if (major := s.le("version_major", 1, VERSION_MAJOR)) != VERSION_MAJOR:
-        old = f"; if it is of the first draft, write {VERSION_MAJOR} into its byte 8" if major == 1 else ""
+        old = "; encode its source again, with this version" if major in (1, 129) else ""
         names = _version_name(major), _version_name(VERSION_MAJOR)
         s.fail("R-6.1-2", f"the stream is of {names[0]}; this decoder reads {names[1]}{old}")
     return s.le("version_minor", 1, VERSION_MINOR)
@@ -60,7 +60,7 @@ def version(s: Coder) -> int:
 
 def _version_name(major: int) -> str:
     """What a `version_major` stands for: bit 7 marks a draft."""
-    return f"draft {major - 128} of the next version ({major})" if major > 128 else f"version {major}"
+    return f"draft {major - 128} of version 1 ({major})" if major > 128 else f"version {major}"
 
 
 def chunk_head(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, chunk_length: int = 0) -> tuple[int, int]:

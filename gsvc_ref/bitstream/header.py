@@ -27,6 +27,9 @@ LEVELS: Final[dict[int, Level]] = {
     5: Level(1 << 26, 1 << 22, 1 << 34, 1 << 28),
 }
 
+LANE_EXPONENTS: Final = {1: 6, 2: 8, 3: 10, 4: 12, 5: 12}
+"""The greatest `max_lane_exponent` that a level allows (R-5-11)."""
+
 HIGHEST_LEVEL: Final = max(LEVELS)
 """The level that a decoder is made for by default (R-5-5)."""
 
@@ -62,6 +65,9 @@ PROFILES: Final = ("paper", "main")
 MAX_LAYERS: Final = 4
 """The layers of a frame at most, with the base (section 15.2)."""
 
+MAX_LANE_EXPONENT: Final = 12
+"""The binary logarithm of the most lanes that a frame of profile `main` may have in any level."""
+
 _OF_PROFILE: Final = (
     (
         ("cholesky_bits", 1, 1, 12),
@@ -71,11 +77,15 @@ _OF_PROFILE: Final = (
         ("lane_count", 1, 1, 64),
     ),
     (
-        ("lane_count", 1, 1, 64),
+        ("max_lane_exponent", 1, 0, MAX_LANE_EXPONENT),
         ("layer_count", 1, 1, MAX_LAYERS),
+        ("main_tools", 1, 0, 0),
     ),
 )
 """After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
+
+_OTHERS_RESERVED: Final = ("layer_count", "main_tools")
+"""The elements of these of which other values are reserved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,13 +114,15 @@ class SequenceHeader:
     matrix_coefficients: int = 0
     video_full_range_flag: int = 1
     chroma_sample_loc_type: int = 0
-    # Up to `entropy_precision` of profile `paper` alone: in `main` they keep these values.
+    # Up to `lane_count` of profile `paper` alone, the others of `main`: elsewhere they keep these values.
     cholesky_bits: int = 6
     color_stages: int = 2
     color_codewords: int = 8
     entropy_precision: int = 14
     lane_count: int = 1
-    layer_count: int = 1  # of profile `main` alone
+    max_lane_exponent: int = 0
+    layer_count: int = 1
+    main_tools: int = 0
 
     def __post_init__(self) -> None:
         written = _header_elements(Writer(), self)
@@ -158,7 +170,7 @@ class SequenceHeader:
         return LEVELS[self.level]
 
 
-_COMMON: Final = tuple(field.name for field in fields(SequenceHeader)[4:-6])
+_COMMON: Final = tuple(field.name for field in fields(SequenceHeader)[4:-8])
 """The names of the elements from `width` to `chroma_sample_loc_type`."""
 
 
@@ -212,7 +224,9 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
     element("video_full_range_flag", 1, 0, 0xFF)
     element("chroma_sample_loc_type", 1, 0, 0xFF)
     for name, size, lowest, highest in _OF_PROFILE[profile]:
-        element(name, size, lowest, highest)
+        value = element(name, size, lowest, highest, others_reserved=name in _OTHERS_RESERVED)
+        if name == "max_lane_exponent" and value > LANE_EXPONENTS[level]:
+            s.fail("R-5-11", f"`max_lane_exponent` is {value}; level {level} allows {LANE_EXPONENTS[level]}")
     return elements
 
 

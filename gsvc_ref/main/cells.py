@@ -171,7 +171,7 @@ def splats_in_first_halves(cells: I8, counts: I8, origins: I8, axis: int, size: 
 def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int, ...], cells: I8 | None = None) -> I8:
     """Column and row of the cell of each of `count` >= 1 splats, (count, 2) in the order of `cell_order`.
 
-    `alphas` are the shapes of the halvings; `cells` are None where the run makes them.
+    `alphas` are the shapes of the halvings, of which each is a pass; `cells` are None where the run makes them.
     """
     inside = cell_counts(width, height)
     size = 1 << (len(alphas) // 2)
@@ -183,8 +183,9 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
         answers = asked
         if len(asked):
             given = None if cells is None else splats_in_first_halves(cells, counts, origins, axis, size)[asked]
-            answers = run.symbols(tables, np.arange(len(asked)), None if given is None else given >> low)
+            at = halving + 1
+            answers = run.symbols(at, tables, np.arange(len(asked)), None if given is None else given >> low)
             if low.any():
-                answers = (answers << low) + run.raw_bits(low, None if given is None else given & ((1 << low) - 1))
+                answers = (answers << low) + run.raw_bits(at, low, None if given is None else given & ((1 << low) - 1))
         counts, origins = halved(counts, origins, axis, size, asked, answers)
     return np.repeat(origins, counts, axis=0)

@@ -88,6 +88,7 @@ class MainCodes:
 
     type: FrameType = field(kw_only=True)  # an R-frame has no other code
     quantizer: int = 0  # 0..79, which gives D
+    quantizer_present: bool = True  # False: a P-frame of the quantizer of the last I- or P-frame does not say it again
     lane_exponent: int = 0  # binary logarithm of the number of lanes
     densities: Densities | None = None  # None: those that are kept
     new: IntraCodes = field(default_factory=IntraCodes)  # all splats of an I-frame
@@ -109,7 +110,7 @@ class MainCodes:
 
     @property
     def intra_count(self) -> int:
-        """`splat_count` of an I-frame, `new_splat_count` of a P-frame."""
+        """The splats of an I-frame, the new ones of a P-frame."""
         return len(self.new)
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.passes import TOTAL, Distributions, Run
+from gsvc_ref.main.passes import TOTAL, Distributions, Run, magnitude_classes
 from gsvc_ref.main.state import SHEAR_STEPS, SIZE_STEPS
 from gsvc_ref.main.tables import EXP2, LAPLACE, LOGISTIC, exp2
 
@@ -110,10 +110,11 @@ def _distributions(bins: I8, edges: I8, centres: I8, scale_code: int, unit_bits:
     return Distributions(cumulative, first)
 
 
-def code_colors(run: Run, density: Density, context: I8, codes: I8 | None) -> I8:
-    """Signed codes of a colour channel: passes of classes, of low bits and of signs (spec.md section 15.7)."""
-    magnitudes = run.magnitudes(magnitude_distributions(density), context, None if codes is None else np.abs(codes))
-    return run.signs(magnitudes, codes)
+def code_magnitudes(run: Run, at: int, density: Density, context: I8, codes: I8 | None) -> I8:
+    """Magnitudes of the codes of a colour channel: classes in the pass `at`, and low bits (spec.md section 15.7)."""
+    magnitudes = None if codes is None else np.abs(codes)
+    classes = None if magnitudes is None else magnitude_classes(magnitudes)
+    return run.low_bits(at, run.symbols(at, magnitude_distributions(density), context, classes), magnitudes)
 
 
 class Windows(NamedTuple):
@@ -154,9 +155,9 @@ def _windows(steps: I8, centre: int, slope: int, scale_code: int, scale: int, fa
     return Windows(Distributions(cumulative, begins), low, first)
 
 
-def code_windowed(run: Run, windows: Windows, j: I8, codes: I8 | None) -> I8:
-    """The codes of a plane with windows, (N,), of splats of the classes j."""
+def code_windowed(run: Run, at: int, windows: Windows, j: I8, codes: I8 | None, *, late: bool) -> I8:
+    """The codes of a plane with windows, (N,), of splats of the classes j: bins in the pass `at`, and low bits."""
     sizes, first = windows.low_bits[j], windows.first[j]
-    bins = run.symbols(windows.distributions, j, None if codes is None else (codes >> sizes) - first)
-    low = run.raw_bits(sizes, None if codes is None else codes & ((1 << sizes) - 1))
+    bins = run.symbols(at, windows.distributions, j, None if codes is None else (codes >> sizes) - first)
+    low = run.raw_bits(None if late else at, sizes, None if codes is None else codes & ((1 << sizes) - 1))
     return ((bins + first) << sizes) + low

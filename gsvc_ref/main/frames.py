@@ -1,7 +1,7 @@
 """The body of a frame of profile `main` (spec.md sections 15.5 and 15.12).
 
-The elements in front of the run are read and written by the same lines. The run is written, or made, by the passes of
-this module, `code_intra` and `code_predicted`; the kernels of `gsvc_ref.main.fast` read it.
+The elements in front of the run are read and written by the same lines. The run is written, or made, by `code_intra`
+and `code_predicted` of this module; the kernels of `gsvc_ref.main.fast` read it.
 """
 
 from dataclasses import dataclass, replace
@@ -13,8 +13,10 @@ import numpy as np
 from gsvc_base.arrays import I8
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
-from gsvc_ref.bitstream.coder import ENTROPY_CODER, RUN_PARTS, Coder
+from gsvc_ref.bitstream.bit_reader import Reader
+from gsvc_ref.bitstream.coder import ENTROPY_CODER, Coder
 from gsvc_ref.bitstream.crc import parameter_checksum
+from gsvc_ref.bitstream.header import MAX_LANE_EXPONENT
 from gsvc_ref.bitstream.rans import LOWEST_STATE
 from gsvc_ref.main.cells import code_cells, halving_count
 from gsvc_ref.main.codes import GROUPS, NO_FIELD, REMOVED, SIDES, Field, IntraCodes, MainCodes
@@ -24,23 +26,26 @@ from gsvc_ref.main.densities import (
     SLOPED,
     Densities,
     Density,
-    code_colors,
+    code_magnitudes,
     code_windowed,
     windows_of,
 )
-from gsvc_ref.main.fast.intra import read_intra
-from gsvc_ref.main.fast.lanes import MOTION, Lanes, MissingWordError
-from gsvc_ref.main.fast.predicted import read_predicted
+from gsvc_ref.main.fast.lanes import Lanes
+from gsvc_ref.main.fast.run import RunError, read_run
 from gsvc_ref.main.models import Models
 from gsvc_ref.main.motion import code_field, field_motion, field_shape, mode_contexts
-from gsvc_ref.main.passes import LENGTH_UNIT, Run, RunWriter, magnitude_classes
+from gsvc_ref.main.passes import Run, RunWriter, group_count, magnitude_classes
 from gsvc_ref.main.reconstruct import add_differences, colors_of, intra_state, place_bits
 from gsvc_ref.main.state import classes, no_splats, to_splats, work_of
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.paper import FrameType
 
-PARTS_IN_ORDER: Final = (*RUN_PARTS[MOTION:], *RUN_PARTS[:MOTION])
-"""The parts of a run in the order of its passes."""
+COLOR_PARTS: Final = ("luma", "chroma", "chroma")
+"""The part of a run that each channel of a colour belongs to."""
+
+MODES_PASS: Final = 3
+FIRST_COMPONENTS: Final = 4
+"""The passes of the modes, and of the first components of all groups of differences; the next ones follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,7 @@ class MainState:
     models: Models
     densities: Densities | None = None  # those that are kept; None: there are none since the last I-frame
     inherited: Field = NO_FIELD  # what `motion_cell` 0 stands for: in a layer, while it is coded, the field of the base
+    quantizer: int = 0  # that of the last I- or P-frame
 
     @classmethod
     def initial(cls, width: int, height: int) -> "MainState":
@@ -89,22 +95,22 @@ def frame_body(
     s: Coder,
     frame_type: FrameType,
     before: MainState,
-    lane_count: int,
+    max_lane_exponent: int,
     most_splats: int,
     given: MainCodes | None = None,
 ) -> Body:
     """frame_body(type) of spec.md section 15.5, of an I- or a P-frame after the state `before`.
 
-    The level allows `most_splats`. `given` are the codes that a Writer writes; a UsageError says that no stream can
-    have them after `before`.
+    The header allows `max_lane_exponent`, and the level `most_splats`. `given` are the codes that a Writer writes; a
+    UsageError says that no stream can have them after `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)
     if given is not None:
         _check_shapes(given, before)
-    codes, count = _tools(s, frame_type, before, lane_count, most_splats, given)
+    codes, count = _head(s, frame_type, before, max_lane_exponent, most_splats, given)
     densities = codes.densities or before.densities
-    state = replace(before, densities=densities)
+    state = replace(before, densities=densities, quantizer=codes.quantizer)
     lengths: dict[str, float] = {}
     if count + len(before.values) > 0 and given is not None:
         run = RunWriter()
@@ -148,35 +154,53 @@ def _check_shapes(given: MainCodes, before: MainState) -> None:
             )
 
 
-def _tools(
-    s: Coder, frame_type: FrameType, before: MainState, lane_count: int, most_splats: int, given: MainCodes | None
+def _head(
+    s: Coder,
+    frame_type: FrameType,
+    before: MainState,
+    max_lane_exponent: int,
+    most_splats: int,
+    given: MainCodes | None,
 ) -> tuple[MainCodes, int]:
     """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
-    source = given or MainCodes(type=frame_type)
+    source, count, present = given or MainCodes(type=frame_type), 0, 0
     with s.part("frame_header"):
-        quantizer = s.le("quantizer", 1, source.quantizer)
-        if quantizer >= QUANTIZERS:
-            s.fail("R-3.2-1", f"`quantizer` is {quantizer}; values above {QUANTIZERS - 1} are reserved")
-        lane_exponent = s.u("lane_exponent", 3, source.lane_exponent)
-        if 1 << lane_exponent > lane_count:
-            s.fail("R-15.5-1", f"`lane_exponent` is {lane_exponent}; the stream has {lane_count} lanes at most")
+        lane_exponent = s.u("lane_exponent", 4, source.lane_exponent)
+        if lane_exponent > MAX_LANE_EXPONENT:
+            s.fail("R-3.2-1", f"`lane_exponent` is {lane_exponent}; values above {MAX_LANE_EXPONENT} are reserved")
+        if lane_exponent > max_lane_exponent:
+            s.fail("R-15.5-1", f"`lane_exponent` is {lane_exponent}; the stream has {max_lane_exponent} at most")
         motion_cell = s.u("motion_cell", 2, source.motion_cell)
         if motion_cell and not len(before.values):
             s.fail("R-15.5-2", "there is a motion field, and no splat of a frame before that it could move")
-        present = s.u("densities_present", 1, int(source.densities is not None))
-        present_bit = s.element_bit
-        if (reserved := s.u("frame_reserved", 2)) != 0:
-            s.fail("R-3.2-1", f"`frame_reserved` is {reserved}; it is reserved and must be 0")
-        count = s.uv("splat_count" if frame_type == "I" else "new_splat_count", len(source.new))
+        quantizer_present = s.u("quantizer_present", 1, source.quantizer_present)
+        if frame_type == "I" and not quantizer_present:
+            s.fail("R-15.5-5", "an I-frame has no `quantizer`, and none is kept from the frames before it")
+        new_present = s.u("new_present", 1, len(source.new) > 0)
+        quantizer = before.quantizer
+        if quantizer_present:
+            quantizer = s.le("quantizer", 1, source.quantizer)
+            if quantizer >= QUANTIZERS:
+                s.fail("R-3.2-1", f"`quantizer` is {quantizer}; values above {QUANTIZERS - 1} are reserved")
+        if new_present:
+            number = s.uv("splat_number", 2 * (len(source.new) - 1) + (source.densities is not None))
+            count, present = number // 2 + 1, number % 2
     if count + len(before.values) > most_splats:
         s.fail("R-5-2", f"a frame may get {count + len(before.values)} splats; the level allows {most_splats}")
-    if (present and not count) or (frame_type == "I" and count and not present):
-        what = "no new splats that they could describe" if present else "and its splats need some"
-        s.fail("R-15.5-3", f"the frame has {'' if present else 'no '}densities, {what}", bit=present_bit)
+    if frame_type == "I" and count and not present:
+        s.fail("R-15.5-3", "an I-frame has no densities, and its splats need some")
     if count and not present and before.densities is None:
-        s.fail("R-15.5-4", "new splats need densities, and none are kept since the last I-frame", bit=present_bit)
+        s.fail("R-15.5-4", "new splats need densities, and none are kept since the last I-frame")
     densities = _densities(s, before, source.densities) if present else None
-    return MainCodes(quantizer, lane_exponent, densities, motion_cell=motion_cell, type=frame_type), count
+    codes = MainCodes(
+        type=frame_type,
+        quantizer=quantizer,
+        quantizer_present=bool(quantizer_present),
+        lane_exponent=lane_exponent,
+        densities=densities,
+        motion_cell=motion_cell,
+    )
+    return codes, count
 
 
 def _densities(s: Coder, before: MainState, given: Densities | None) -> Densities:
@@ -201,47 +225,40 @@ def _read_run(
     s: Coder, before: MainState, codes: MainCodes, count: int
 ) -> tuple[MainState, MainCodes, dict[str, float]]:
     """The run of a frame that has symbols: the state after it, its codes, and the code lengths of its parts."""
-    lanes, size, state = _lanes(s, codes.lane_exponent), (before.width, before.height), before
-    try:
-        if len(before.values):
-            codes, values, past, models = read_predicted(
-                lanes, size, before.values, before.past, before.models, codes, before.inherited
-            )
-            state = replace(before, values=values, past=past, models=models)
-        if count:
-            assert before.densities is not None
-            new, values = read_intra(lanes, size, before.densities, count, codes.quantizer)
-            state, codes = _with_new(state, codes, new, values)
-    except MissingWordError:
-        s.fail("R-7-1", "the words of the frame end before its symbols do")
-    _check_finished(s, lanes)
-    return state, codes, _lengths(lanes)
-
-
-def _lengths(lanes: Lanes) -> dict[str, float]:
-    """The code lengths in bits of the parts of a run, in the order of its passes."""
-    ends = dict(zip(RUN_PARTS, lanes.spent_after.tolist(), strict=True))
-    read = [part for part in PARTS_IN_ORDER if ends[part]]
-    before = [0, *(ends[part] for part in read)]
-    return {part: (ends[part] - start) / LENGTH_UNIT for part, start in zip(read, before, strict=False)}
-
-
-def _lanes(s: Coder, lane_exponent: int) -> Lanes:
+    assert isinstance(s, Reader)
     with s.part(ENTROPY_CODER):
-        states = s.array("lane_state", 1 << lane_exponent, "u4")
+        states = s.array("lane_state", 1 << codes.lane_exponent, "u4")
         if (states < LOWEST_STATE).any():
             lane = int(np.argmax(states < LOWEST_STATE))
             bit = s.element_bit + 32 * lane
             s.fail("R-6.6-5", f"`lane_state` is {states[lane]}; it must be at least {LOWEST_STATE}", bit=bit)
-        words = s.array("word", s.bytes_left // 2, "u2")
-    return Lanes.begun(states, words)
+        lane_bit, counts, words = s.element_bit, [], 0
+        for _ in range(group_count(codes.lane_exponent) - 1):
+            counts.append(s.uv("word_count"))
+            words += counts[-1]
+            if 2 * words > s.bytes_left:
+                s.fail("R-15.6-5", f"the groups so far have {words} words; {s.bytes_left} bytes are left")
+        first_bit, end_bit = s.position, s.position + 8 * s.bytes_left
+        lanes = Lanes.begun(states, counts, s.rest)
+        try:
+            values, past, models, codes = read_run(lanes, before, codes, count)
+        except RunError as fault:
+            s.array("word", s.bytes_left // 2, "u2")
+            offsets = {"word": first_bit, "lane": lane_bit + 32 * fault.lane, "raw bits": end_bit - 8}
+            s.fail("R-7-1", fault.message, bit=offsets[fault.place])
+        s.array("word", int(lanes.words_taken), "u2")
+        s.raw("raw_byte", s.bytes_left)
+    return replace(before, values=values, past=past, models=models), codes, lanes.lengths_of_parts
 
 
 def _write(s: Coder, run: RunWriter, lane_exponent: int) -> None:
-    states, words = run.finish(1 << lane_exponent)
+    states, counts, words, tail = run.finish(lane_exponent)
     with s.part(ENTROPY_CODER):
         s.array("lane_state", len(states), "u4", states)
+        for count in counts[:-1]:
+            s.uv("word_count", int(count))
         s.array("word", len(words), "u2", words)
+        s.raw("raw_byte", len(tail), tail.tobytes())
 
 
 def code_run(
@@ -250,7 +267,7 @@ def code_run(
     """The passes of a frame that has symbols: the state after it, and its codes.
 
     `before` is the state after the frame before, that of an I-frame being without splats, with the densities of this
-    frame; `codes` are the elements in front of the run, `count` is `splat_count` or `new_splat_count`, and `given` are
+    frame; `codes` are the elements in front of the run, `count` that of the splats or of the new ones, and `given` are
     the codes that are written.
     """
     state, step = before, step_of(codes.quantizer)
@@ -271,18 +288,6 @@ def _with_new(state: MainState, codes: MainCodes, new: IntraCodes, values: I8) -
     return replace(state, values=values, past=past), replace(codes, new=new)
 
 
-def _check_finished(s: Coder, lanes: Lanes) -> None:
-    """R-15.6-2: the words stand directly before the position, the lane states before them."""
-    taken, word_bit = int(lanes.taken[0]), s.element_bit
-    if taken < len(lanes.words):
-        left = len(lanes.words) - taken
-        s.fail("R-7-1", f"{left} words of the frame are left over", bit=word_bit + 16 * taken)
-    if (lanes.states != LOWEST_STATE).any():
-        lane = int(np.argmax(lanes.states != LOWEST_STATE))
-        bit = word_bit - 32 * (len(lanes.states) - lane)
-        s.fail("R-7-1", f"lane {lane} ends in the state {lanes.states[lane]}; it must be {LOWEST_STATE}", bit=bit)
-
-
 def code_intra(
     run: Run, before: MainState, densities: Densities, count: int, step: int, given: IntraCodes | None
 ) -> IntraCodes:
@@ -290,23 +295,27 @@ def code_intra(
     alphas = tuple(ALPHAS[code] for code in densities.halving_codes)
     with run.part("cells"):
         cells = code_cells(run, count, before.width, before.height, alphas, given.cells if given else None)
-    columns: list[I8 | None] = [None] * 3 if given is None else list(given.colors.T)
-    with run.part("luma"):
-        luma = code_colors(run, densities.of("luma"), np.zeros(count, np.int64), columns[0])
-    context = magnitude_classes(np.abs(luma))
-    with run.part("chroma"):
-        chroma1 = code_colors(run, densities.of("chroma1"), context, columns[1])
-        chroma2 = code_colors(run, densities.of("chroma2"), context, columns[2])
-    colors = np.stack([luma, chroma1, chroma2], axis=1)
+    at, context, colors = len(alphas), np.zeros(count, np.int64), np.empty((count, 3), np.int64)
+    for column, plane in enumerate(PLANES[:3]):
+        with run.part(COLOR_PARTS[column]):
+            values = None if given is None else given.colors[:, column]
+            colors[:, column] = code_magnitudes(run, at + min(1 + column, 2), densities.of(plane), context, values)
+        if plane == "luma":
+            context = magnitude_classes(colors[:, 0])
+    for column, part in enumerate(COLOR_PARTS):
+        with run.part(part):
+            values = None if given is None else given.colors[:, column]
+            colors[:, column] = run.signs(None, colors[:, column], values)
     j = classes(colors_of(colors, step), step)
     shapes = np.empty((count, 3), np.int64)
     for column, plane in enumerate(PLANES[3:]):
         with run.part(plane):
             values = None if given is None else given.shapes[:, column]
-            shapes[:, column] = code_windowed(run, windows_of(plane, densities.of(plane)), j, values)
+            windows, late = windows_of(plane, densities.of(plane)), plane == "shear"  # no place depends on shear
+            shapes[:, column] = code_windowed(run, at + 3, windows, j, values, late=late)
     sizes = place_bits(shapes, j)
     with run.part("place"):
-        places = [run.raw_bits(sizes[:, i], None if given is None else given.places[:, i]) for i in range(2)]
+        places = [run.raw_bits(None, sizes[:, i], None if given is None else given.places[:, i]) for i in range(2)]
     return IntraCodes(cells, colors, shapes, np.stack(places, axis=1))
 
 
@@ -326,7 +335,7 @@ def code_predicted(
     motion = field_motion(splats, vectors, side)
     with run.part("modes"):
         contexts = mode_contexts(splats, motion, before.past, vectors, side, before.width, before.height)
-        modes = models.code(run, "mode", contexts, None if given is None else given.modes)
+        modes = models.code(run, MODES_PASS, "mode", contexts, None if given is None else given.modes)
     differences = code_differences(run, models, modes, None if given is None else given.differences)
     stay = modes != REMOVED
     after = replace(
@@ -344,14 +353,15 @@ def code_differences(run: Run, models: Models, modes: I8, given: I8 | None) -> I
     for bit, (group, first, end) in enumerate(GROUPS):
         changed = np.flatnonzero((modes != REMOVED) & (modes >> bit & 1 == 1))
         values = None if given is None else given[changed, first:end]
-        before, magnitudes = np.zeros(len(changed), np.int64), []
+        before = np.zeros(len(changed), np.int64)
         with run.part(group):
             for i in range(end - first):
                 contexts = 3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0 else before
                 sure = (before == 0).astype(np.int64) if i == end - first - 1 else 0  # the mode says that not all are 0
-                rest = None if values is None else np.abs(values[:, i]) - sure
-                magnitudes.append(models.code_magnitudes(run, group, contexts, rest) + sure)
-                before = before + magnitudes[-1]
-            for i, magnitude in enumerate(magnitudes):
-                q[changed, first + i] = run.signs(magnitude, None if values is None else values[:, i])
+                column = None if values is None else values[:, i]
+                rest = None if column is None else np.abs(column) - sure
+                at = FIRST_COMPONENTS + i
+                magnitudes = models.code_magnitudes(run, at, group, contexts, rest, late=True) + sure
+                before = before + magnitudes
+                q[changed, first + i] = run.signs(None, magnitudes, column)
     return q

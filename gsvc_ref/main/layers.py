@@ -138,7 +138,7 @@ def layer_body(
     if layer_type == "R":
         return Body(MainCodes.repeated_frame(), before, {})
     room = header.limits.splats - layers.others(layer)  # R-15.13-3
-    return frame_body(s, layer_type, before, header.lane_count, room, given)
+    return frame_body(s, layer_type, before, header.max_lane_exponent, room, given)
 
 
 def joined_origins(

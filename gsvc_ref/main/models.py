@@ -170,19 +170,19 @@ class Models:
         """The distributions of all contexts."""
         return model_distributions(self.counts)
 
-    def code(self, run: Run, name: str, contexts: I8, symbols: I8 | None = None) -> I8:
-        """A pass of symbols by a model."""
+    def code(self, run: Run, at: int, name: str, contexts: I8, symbols: I8 | None = None) -> I8:
+        """A part of the pass `at`: symbols by a model."""
         rows = ROWS[name].first + contexts
-        symbols = run.symbols(self.distributions, rows, symbols)
+        symbols = run.symbols(at, self.distributions, rows, symbols)
         note_symbols(rows, symbols, self._seen)
         return symbols
 
-    def code_magnitudes(self, run: Run, name: str, contexts: I8, magnitudes: I8 | None = None) -> I8:
-        """Passes of classes, by a model, and of low bits."""
-        rows = ROWS[name].first + contexts
-        magnitudes = run.magnitudes(self.distributions, rows, magnitudes)
-        note_symbols(rows, magnitude_classes(magnitudes), self._seen)
-        return magnitudes
+    def code_magnitudes(
+        self, run: Run, at: int, name: str, contexts: I8, magnitudes: I8 | None = None, *, late: bool = False
+    ) -> I8:
+        """Magnitudes: classes in the pass `at`, by a model, and low bits, early behind it or late."""
+        classes = self.code(run, at, name, contexts, None if magnitudes is None else magnitude_classes(magnitudes))
+        return run.low_bits(None if late else at, classes, magnitudes)
 
     def adapted(self) -> "Models":
         """The models of the next frame."""

@@ -25,7 +25,10 @@ def field_shape(width: int, height: int, side: int) -> tuple[int, int]:
 
 
 def code_field(run: Run, models: Models, shape: tuple[int, int], field: I8 | None = None) -> I8:
-    """The vectors (rows, columns, 2) in quarter pixels, each by its difference to the one to the left or above."""
+    """The vectors (rows, columns, 2) in quarter pixels, each by its difference to the one to the left or above.
+
+    x is the first pass of a frame, y the second.
+    """
     rows, columns = shape
     given: tuple[I8 | None, I8 | None] = (None, None)
     if field is not None:
@@ -36,10 +39,9 @@ def code_field(run: Run, models: Models, shape: tuple[int, int], field: I8 | Non
         given = differences[:, 0], differences[:, 1]
     x, y = given
     none = np.zeros(rows * columns, np.int64)
-    magnitudes_x = models.code_magnitudes(run, "vector", none, x if x is None else np.abs(x))
-    contexts = 1 + np.searchsorted(X_CLASSES, magnitude_classes(magnitudes_x)).astype(np.int64)
-    magnitudes_y = models.code_magnitudes(run, "vector", contexts, y if y is None else np.abs(y))
-    x, y = run.signs(magnitudes_x, x), run.signs(magnitudes_y, y)
+    x = run.signs(1, models.code_magnitudes(run, 1, "vector", none, x if x is None else np.abs(x)), x)
+    contexts = 1 + np.searchsorted(X_CLASSES, magnitude_classes(np.abs(x))).astype(np.int64)
+    y = run.signs(2, models.code_magnitudes(run, 2, "vector", contexts, y if y is None else np.abs(y)), y)
     vectors = np.stack([x, y], axis=1).reshape(rows, columns, 2)
     vectors[:, 0] = np.cumsum(vectors[:, 0], axis=0)
     return _wrapped(np.cumsum(vectors, axis=1))

@@ -1,9 +1,8 @@
 """The run of the entropy coder through a frame, in passes (spec.md section 15.6).
 
-A pass of a `Run` is handed the cumulative frequencies of its symbols and the symbols, and notes them; it makes symbols
-where there are none yet, as the random streams of gsvc_ref.testing do. `gsvc_ref.main.fast.lanes` has the passes
-that read. Symbol i of a pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0
-(R-15.6-1).
+A `Run` is handed a part of a pass, cumulative frequencies and symbols, and notes them; it makes symbols where there
+are none yet, as the random streams of gsvc_ref.testing do. `gsvc_ref.main.fast` has the passes that read. Symbol i of a
+pass belongs to lane i modulo the number of lanes, and each pass begins anew with lane 0 (R-15.6-1).
 """
 
 from abc import ABC, abstractmethod
@@ -13,9 +12,9 @@ from contextlib import contextmanager
 from typing import Final, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from gsvc_base.arrays import I8, U2, U4
+from gsvc_base.arrays import I8, U1, U2, U4
 from gsvc_base.checks import door
 from gsvc_base.errors import UsageError
 from gsvc_base.portable import log2
@@ -26,11 +25,24 @@ PRECISION: Final = 14
 TOTAL: Final = 1 << PRECISION
 """The sum of the frequencies of a symbol's distribution."""
 
+GROUP_BITS: Final = 5
+"""Lane j belongs to the group j >> GROUP_BITS, which has a list of words of its own."""
+
+PREDICTED_PASSES: Final = 6
+"""The passes about the splats of the frame before: the field in x and in y, modes, and three components."""
+
 LENGTH_UNIT: Final = 1 << 16
 """The parts of a bit that code lengths are counted in: sums of integers are the same on every machine."""
 
 LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, TOTAL + 1)))).astype(np.int64)
 """The code length of a symbol by its frequency less 1."""
+
+_NONE: Final[I8] = np.zeros(0, np.int64)
+
+
+def group_count(lane_exponent: int) -> int:
+    """The groups that 2^lane_exponent lanes form."""
+    return 1 << max(lane_exponent - GROUP_BITS, 0)
 
 
 class Distributions(NamedTuple):
@@ -47,7 +59,11 @@ class Distributions(NamedTuple):
 
 
 class Run(ABC):
-    """The symbols of a frame, in passes."""
+    """The symbols of a frame, in passes, and its raw bits.
+
+    Raw values are *early* behind the pass of a number `at`, counted from 1, or *late*, `at` being None. The parts of a
+    pass, and the late values, are handed over in their order; passes in any.
+    """
 
     def __init__(self) -> None:
         self.lengths: defaultdict[str, float] = defaultdict(float)  # in bits, by part of the frame
@@ -63,37 +79,36 @@ class Run(ABC):
             self._part = outside
 
     @abstractmethod
-    def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
-        """A pass: symbol i has the distribution `which[i]`."""
-
-    def magnitudes(self, tables: Distributions, which: I8, magnitudes: I8 | None = None) -> I8:
-        """Passes of the classes of magnitudes below 2^20, class i with the distribution `which[i]`, and of low bits."""
-        classes = self.symbols(tables, which, None if magnitudes is None else magnitude_classes(magnitudes))
-        sizes = low_bits(classes)
-        low = None if magnitudes is None else np.where(classes < 4, 0, magnitudes & ((1 << sizes) - 1))
-        return np.where(classes < 4, classes, ((2 + (classes & 1)) << sizes) + self.raw_bits(sizes, low))
-
-    def signs(self, magnitudes: I8, values: I8 | None = None) -> I8:
-        """A pass of the signs of magnitudes that are not 0: the signed values."""
-        negative = None if values is None else (values < 0).astype(np.int64)
-        negative = self.raw_bits(np.minimum(magnitudes, 1), negative)
-        return np.where(negative == 1, -magnitudes, magnitudes)
+    def symbols(self, at: int, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
+        """A part of the pass `at`: symbol i has the distribution `which[i]`."""
 
     @abstractmethod
-    def _uniform(self, sizes: I8, values: I8 | None) -> I8:
-        """A pass of symbols of 2^sizes[i] values each, sizes at most 14; those of size 0 are left out."""
+    def raw_bits(self, at: int | None, sizes: I8, values: I8 | None = None) -> I8:
+        """Values of the given numbers of raw bits, at most 28."""
 
-    def raw_bits(self, sizes: I8, values: I8 | None = None) -> I8:
-        """Values of the given numbers of raw bits, below 2^28."""
-        lower = np.minimum(sizes, PRECISION)
-        upper = sizes - lower
-        if not upper.any():
-            return self._uniform(lower, values)
-        high = self._uniform(upper, None if values is None else values >> lower)
-        return (high << lower) + self._uniform(lower, None if values is None else values & ((1 << lower) - 1))
+    def low_bits(self, at: int | None, classes: I8, magnitudes: I8 | None = None) -> I8:
+        """The low bits of magnitudes of these classes: the magnitudes, which are below 2^20."""
+        sizes = low_bits(classes)
+        low = None if magnitudes is None else np.where(classes < 4, 0, magnitudes & ((1 << sizes) - 1))
+        return np.where(classes < 4, classes, ((2 + (classes & 1)) << sizes) + self.raw_bits(at, sizes, low))
+
+    def signs(self, at: int | None, magnitudes: I8, values: I8 | None = None) -> I8:
+        """The signs of magnitudes that are not 0: the signed values."""
+        negative = None if values is None else (values < 0).astype(np.int64)
+        negative = self.raw_bits(at, np.minimum(magnitudes, 1), negative)
+        return np.where(negative == 1, -magnitudes, magnitudes)
 
     def _count(self, frequencies: I8) -> None:
         self.lengths[self._part] += int(LENGTHS[frequencies - 1].sum()) / LENGTH_UNIT
+
+
+class RunSymbols(NamedTuple):
+    """The symbols of a frame in the order in which they are decoded, (K,) each."""
+
+    starts: I8  # c(s)
+    frequencies: I8  # f(s)
+    passes: I8  # from 1
+    lanes: I8
 
 
 class RunWriter(Run):
@@ -101,53 +116,80 @@ class RunWriter(Run):
 
     def __init__(self) -> None:
         super().__init__()
-        self._passes: list[tuple[I8, I8]] = []
+        self._symbols: list[tuple[int, I8, I8]] = []  # pass, starts and frequencies
+        self._early: list[tuple[int, I8, I8]] = []  # pass, values and sizes
+        self._late: list[tuple[I8, I8]] = []
 
-    def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
-        """A pass: symbol i has the distribution `which[i]`."""
+    def symbols(self, at: int, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
+        """A part of the pass `at`: symbol i has the distribution `which[i]`."""
         assert symbols is not None
         if len(symbols) == 0:
             return symbols
         if symbols.min() < 0 or (symbols >= np.diff(tables.first)[which] - 1).any():
-            raise UsageError(f"a symbol of the pass `{self._part}` is outside of its distribution")
-        at = tables.first[which] + symbols
-        starts = tables.cumulative[at]
-        frequencies = tables.cumulative[at + 1] - starts
-        self._passes.append((starts, frequencies))
+            raise UsageError(f"a symbol of the part `{self._part}` is outside of its distribution")
+        place = tables.first[which] + symbols
+        starts = tables.cumulative[place]
+        frequencies = tables.cumulative[place + 1] - starts
+        self._symbols.append((at, starts, frequencies))
         self._count(frequencies)
         return symbols
 
-    def _uniform(self, sizes: I8, values: I8 | None) -> I8:
+    def raw_bits(self, at: int | None, sizes: I8, values: I8 | None = None) -> I8:
+        """Values of the given numbers of raw bits, at most 28."""
         assert values is not None
         if ((values < 0) | (values >> sizes > 0)).any():
-            raise UsageError(f"a value of the pass `{self._part}` does not fit into its raw bits")
-        there = sizes > 0
-        frequencies = TOTAL >> sizes[there]
-        self._passes.append((values[there] * frequencies, frequencies))
+            raise UsageError(f"a value of the part `{self._part}` does not fit into its raw bits")
+        if at is None:
+            self._late.append((values, sizes))
+        else:
+            self._early.append((at, values, sizes))
         self.lengths[self._part] += int(sizes.sum())
         return values
 
-    def finish(self, lane_count: int) -> "EncodedRun":
-        """The lane states and words of all passes (R-15.6-3)."""
-        starts = np.concatenate([np.zeros(0, np.int64), *(part[0] for part in self._passes)])
-        frequencies = np.concatenate([np.zeros(0, np.int64), *(part[1] for part in self._passes)])
-        lanes = np.concatenate([np.zeros(0, np.int64), *(np.arange(len(s)) % lane_count for s, _ in self._passes)])
-        return encode_run(starts, frequencies, lanes, lane_count)
+    def in_order(self, lane_exponent: int) -> RunSymbols:
+        """The symbols in the order of their passes, in 2^lane_exponent lanes (R-15.6-1)."""
+        parts = sorted(self._symbols, key=lambda part: part[0])  # stable: the parts of a pass stay in their order
+        passes = np.repeat([at for at, *_ in parts], [len(starts) for _, starts, _ in parts]).astype(np.int64)
+        index = np.arange(len(passes)) - np.searchsorted(passes, passes)
+        starts, frequencies = (
+            np.concatenate([_NONE, *column]) for column in ([p[1] for p in parts], [p[2] for p in parts])
+        )
+        return RunSymbols(starts, frequencies, passes, index & ((1 << lane_exponent) - 1))
+
+    def finish(self, lane_exponent: int) -> "EncodedRun":
+        """What a decoder finds all of it again from (R-15.6-3)."""
+        starts, frequencies, _, lanes = self.in_order(lane_exponent)
+        early = [part[1:] for part in sorted(self._early, key=lambda part: part[0])]
+        raw = [np.concatenate([_NONE, *(part[k] for part in parts)]) for parts in (early, self._late) for k in range(2)]
+        return encode_run(starts, frequencies, lanes, 1 << lane_exponent, *raw)
 
 
 class EncodedRun(NamedTuple):
-    """The states and words that a decoder begins with."""
+    """What a decoder begins with."""
 
     lane_states: U4
     """(lane_count,)"""
+    word_counts: I8
+    """(G,) i8, the words of each group of 32 lanes."""
     words: U2
-    """(count,)"""
+    """(count,), those of the first group, then those of the next."""
+    tail: U1
+    """(T,), the bytes of the raw bits as they stand in the stream."""
 
 
 # twin of spec.encode_run
 @door
-def encode_run(starts: ArrayLike, frequencies: ArrayLike, lanes: ArrayLike, lane_count: int) -> EncodedRun:
-    """The states and words with which a decoder finds the symbols of a frame again (R-15.6-3).
+def encode_run(
+    starts: ArrayLike,
+    frequencies: ArrayLike,
+    lanes: ArrayLike,
+    lane_count: int,
+    early: ArrayLike,
+    early_sizes: ArrayLike,
+    late: ArrayLike,
+    late_sizes: ArrayLike,
+) -> EncodedRun:
+    """The run in which a decoder finds the symbols and the raw bits of a frame again (R-15.6-3).
 
     Parameters
     ----------
@@ -158,17 +200,36 @@ def encode_run(starts: ArrayLike, frequencies: ArrayLike, lanes: ArrayLike, lane
         (K,) i8, the lane of each, below `lane_count`.
     lane_count
         The number of lanes.
+    early, early_sizes
+        (E,) i8, the early raw values and how many bits each has, at most 28.
+    late, late_sizes
+        (F,) i8, the late ones.
 
     Returns
     -------
     EncodedRun
-        `lane_states` and `words`.
+        `lane_states`, `word_counts`, `words` and `tail`.
     """
     c, f, j = (np.ascontiguousarray(values, np.int64) for values in (starts, frequencies, lanes))
+    first, last = _bits(early, early_sizes), _bits(late, late_sizes)
+    carried = min(16 * lane_count, len(last) // 16 * 16)  # bits in the lower halves of the final states
     states = np.full((lane_count,), LOWEST_STATE, np.int64)
-    words = np.empty(len(c), np.uint16)
-    used = _encode(c, f, j, states, words)
-    return EncodedRun(states.astype(np.uint32), words[len(words) - used :].copy())
+    states[: carried // 16] += np.packbits(last[:carried], bitorder="little").view("<u2")
+    words, groups = np.empty(len(c), np.uint16), np.empty(len(c), np.int64)
+    used = len(words) - _encode(c, f, j, states, words, groups)
+    group_of_word = groups[used:]
+    order = np.argsort(group_of_word, kind="stable")
+    counts = np.bincount(group_of_word, minlength=max(lane_count >> GROUP_BITS, 1)).astype(np.int64)
+    tail = np.packbits(np.concatenate([first, last[carried:]]), bitorder="little")[::-1]
+    return EncodedRun(states.astype(np.uint32), counts, words[used:][order], tail.copy())
+
+
+def _bits(values: ArrayLike, sizes: ArrayLike) -> U1:
+    """The bits of raw values one after the other, of each the least one first."""
+    count = np.asarray(sizes, np.int64)
+    place = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    bits: NDArray[np.int64] = np.repeat(np.asarray(values, np.int64), count) >> place & 1
+    return bits.astype(np.uint8)
 
 
 def magnitude_classes(magnitudes: I8) -> I8:
@@ -184,15 +245,16 @@ def low_bits(classes: I8) -> I8:
 
 
 @kernel()
-def _encode(starts: I8, frequencies: I8, lanes: I8, states: I8, words: U2) -> int:
-    """Encode backwards, to the end of `words`, update `states`, and return the number of words."""
+def _encode(starts: I8, frequencies: I8, lanes: I8, states: I8, words: U2, groups: I8) -> int:
+    """Encode backwards, to the ends of `words` and their `groups`, update `states`, and return the number of words."""
     first_word = len(words)
     for i in range(len(starts) - 1, -1, -1):
-        frequency = frequencies[i]
-        x = states[lanes[i]]
+        frequency, lane = frequencies[i], lanes[i]
+        x = states[lane]
         if x >= frequency << (32 - PRECISION):  # one word at most: x < 2**32 and f << 18 >= 2**18
             first_word -= 1
             words[first_word] = x & 0xFFFF
+            groups[first_word] = lane >> GROUP_BITS
             x >>= 16
-        states[lanes[i]] = ((x // frequency) << PRECISION) + x % frequency + starts[i]  # (7-2)
+        states[lane] = ((x // frequency) << PRECISION) + x % frequency + starts[i]  # (7-2)
     return len(words) - first_word

@@ -105,7 +105,7 @@ class _Main:
         assert isinstance(before, MainState)
         if frame_type == "R":
             return Parsed(MainCodes.repeated_frame(), lambda: before)
-        body = frame_body(p, frame_type, before, header.lane_count, header.limits.splats)
+        body = frame_body(p, frame_type, before, header.max_lane_exponent, header.limits.splats)
         return Parsed(body.codes, lambda: body.after)
 
     def prepare(
@@ -122,7 +122,7 @@ class _Main:
         if codes.type == "R":
             return Prepared(before, len(before.values), lambda p: None)
         body = make_writer(0)
-        state = frame_body(body, codes.type, before, header.lane_count, header.limits.splats, codes).after
+        state = frame_body(body, codes.type, before, header.max_lane_exponent, header.limits.splats, codes).after
         return Prepared(state, len(codes.modes) + codes.intra_count, lambda p: p.append(body))
 
 

@@ -12,7 +12,7 @@ from gsvc_base.arrays import I8
 from gsvc_base.draws import Draws
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.bitstream.header import MAIN, header_elements
+from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, header_elements
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
@@ -37,8 +37,8 @@ class RandomRun(Run):
         super().__init__()
         self._rng, self._kind = rng, kind
 
-    def symbols(self, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
-        """A pass: symbol i has the distribution `which[i]`."""
+    def symbols(self, at: int, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
+        """A part of the pass `at`: symbol i has the distribution `which[i]`."""
         first, last = tables.first[which], tables.first[which + 1] - 2
         if self._kind == "likely":
             slots = self._rng.integers(0, TOTAL, (len(which),))
@@ -49,7 +49,8 @@ class RandomRun(Run):
             return np.array(found, np.int64)
         return self._values(last - first + 1)
 
-    def _uniform(self, sizes: I8, values: I8 | None) -> I8:
+    def raw_bits(self, at: int | None, sizes: I8, values: I8 | None = None) -> I8:
+        """Values of the given numbers of raw bits, at most 28."""
         return self._values(np.int64(1) << sizes)
 
     def _values(self, ends: I8) -> I8:
@@ -111,7 +112,11 @@ def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
     common = {
         name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"
     }
-    own = {"profile": MAIN, "layer_count": choices.integer(1, 4)}
+    own = {
+        "profile": MAIN,
+        "max_lane_exponent": choices.integer(0, choices.pick((1, LANE_EXPONENTS[paper.level]))),
+        "layer_count": choices.integer(1, 4),
+    }
     checksums: dict[str, Any] = {"parameter_checksum_flag": paper.parameter_checksum_flag}
     return SequenceHeader(**common | own | checksums)
 
@@ -141,14 +146,16 @@ def make_main_frame(
     drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     count = drawn if count is None else count
     own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
+    present = frame_type == "I" or choices.boolean()
     codes = MainCodes(
         type=frame_type,
-        quantizer=choices.integer(0, choices.pick((QUANTIZERS - 1, 40))),
-        lane_exponent=choices.integer(0, header.lane_count.bit_length() - 1),
+        quantizer=choices.integer(0, choices.pick((QUANTIZERS - 1, 40))) if present else before.quantizer,
+        quantizer_present=present,
+        lane_exponent=choices.integer(0, header.max_lane_exponent),
         densities=make_densities(choices, header) if own else None,
         motion_cell=choices.integer(0, len(SIDES) - 1) if len(before.values) else 0,
     )
-    before = replace(before, densities=codes.densities or before.densities)
+    before = replace(before, densities=codes.densities or before.densities, quantizer=codes.quantizer)
     if count + len(before.values) == 0:
         return codes, before
     symbols: Kind = choices.pick(MAIN_SYMBOL_KINDS) if kind is None else kind

@@ -112,7 +112,7 @@ class MainFrameEncoder:
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
-        return {"profile": MAIN, "lane_count": self.settings.lane_count}
+        return {"profile": MAIN, "max_lane_exponent": self.settings.lane_count.bit_length() - 1}
 
     @property
     def decides_first(self) -> bool:
@@ -303,7 +303,7 @@ class _MainFrame:
         """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
         codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
         body, state_before = Writer(), self.encoder.state
-        state = frame_body(body, codes.type, state_before, self.settings.lane_count, MAX_SPLATS, codes).after
+        state = frame_body(body, codes.type, state_before, codes.lane_exponent, MAX_SPLATS, codes).after
         return _Coded(codes, state, min(self._psnr_of(state), LOSSLESS_PSNR), body.position, field)
 
     def _psnr_of(self, state: MainState) -> float:

@@ -1,4 +1,4 @@
-"""The splats of an I-frame, or the new ones of a P-frame, out of their lanes in one kernel (spec.md section 15.9)."""
+"""The splats of an I-frame, or the new ones of a P-frame, out of their lanes, pass by pass (spec.md section 15.9)."""
 
 from typing import NamedTuple
 
@@ -7,18 +7,16 @@ import numpy as np
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.main.cells import MAX_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
-from gsvc_ref.main.codes import CodeArrays, IntraCodes
+from gsvc_ref.main.codes import CodeArrays
 from gsvc_ref.main.densities import ALPHAS, PLANES, Densities, Windows, magnitude_distributions, windows_of
 from gsvc_ref.main.fast.lanes import (
     CELLS,
     CHROMA,
     LUMA,
-    MISSING_WORD,
     PLACE,
+    SHEAR,
     SIZE,
     Lanes,
-    MissingWordError,
-    magnitude_class,
     read_low_bits,
     read_raw,
     read_signs,
@@ -28,7 +26,6 @@ from gsvc_ref.main.fast.lanes import (
 from gsvc_ref.main.passes import TOTAL, Distributions
 from gsvc_ref.main.reconstruct import find_intra_state, log_size, place_unit
 from gsvc_ref.main.state import N_MOST, class_of
-from gsvc_ref.main.tables import step_of
 
 
 class Tables(NamedTuple):
@@ -47,6 +44,37 @@ class Tables(NamedTuple):
         size, aspect, shear = (windows_of(plane, densities.of(plane)) for plane in PLANES[3:])
         return cls(cell_counts(width, height), alphas, (luma, chroma1, chroma2), (size, aspect, shear))
 
+    @classmethod
+    def none(cls) -> "Tables":
+        """Those of no splats."""
+        nothing = np.zeros(0, np.int64)
+        rows = Distributions(nothing, nothing)
+        windows = Windows(rows, nothing, nothing)
+        return cls((0, 0), nothing, (rows, rows, rows), (windows, windows, windows))
+
+
+class New(NamedTuple):
+    """The splats that are read, and what is known of them between passes."""
+
+    step: int  # D in 1/16
+    codes: CodeArrays
+    state: I8  # (N, 8)
+    counts: I8  # (2, N), the splats of each part before and after a halving, in turn
+    origins: I8  # (2, N, 2), its first column and row
+    parts: I8  # (2,), how many parts there are
+    answers: I8  # (N,), for a pass: symbols
+    sizes: I8  # (N,), and how many raw bits go with them
+    low: I8  # (N,)
+    j: I8  # (N,), the contexts of chroma, then the classes of the splats
+
+    @classmethod
+    def of(cls, count: int, step: int) -> "New":
+        """Room for so many splats."""
+        numbers = [np.empty(count, np.int64) for _ in range(4)]
+        state, counts, origins = (np.zeros(shape, np.int64) for shape in ((count, 8), (2, count), (2, count, 2)))
+        counts[0, :1], parts = count, np.array([min(count, 1), 0], np.int64)
+        return cls(step, CodeArrays.empty(count), state, counts, origins, parts, *numbers)
+
 
 class Halving(NamedTuple):
     """A halving: its axis, the cells of a first half along it, those of the frame, and the shape alpha."""
@@ -57,119 +85,154 @@ class Halving(NamedTuple):
     alpha: int
 
 
-class ReadIntra(NamedTuple):
-    """The codes of the splats of an I-frame, or of new ones, and their state (N, 8)."""
-
-    codes: IntraCodes
-    state: I8
-
-
-def read_intra(lanes: Lanes, size: tuple[int, int], densities: Densities, count: int, quantizer: int) -> ReadIntra:
-    """The passes of the splats of an I-frame, or of new ones (15.9); a MissingWordError if words end before them."""
-    codes, state = CodeArrays.empty(count), np.empty((count, 8), np.int64)
-    if not _read_intra(lanes, Tables.of(densities, *size), step_of(quantizer), codes, state):
-        raise MissingWordError
-    return ReadIntra(IntraCodes(*codes), state)
+@kernel()
+def read_intra_pass(lanes: Lanes, tables: Tables, at: int, new: New) -> bool:
+    """The part of the pass `at` that is about new splats, if there is one, and the early raw bits behind it."""
+    halvings, out, symbols = len(tables.alphas), new.codes, new.answers
+    if at <= halvings:
+        return read_halving(lanes, tables, at - 1, new)
+    if at == halvings + 1:
+        new.j[:] = 0
+        if not read_symbols(lanes, LUMA, tables.magnitudes[0], new.j, symbols):
+            return False
+        for splat in range(len(symbols)):
+            new.j[splat] = symbols[splat]  # the classes of luma are the contexts of both chroma planes
+        read_low_bits(lanes, LUMA, symbols)
+        for splat in range(len(symbols)):
+            out.colors[splat, 0] = symbols[splat]
+    elif at == halvings + 2:
+        if not read_symbols(lanes, CHROMA, tables.magnitudes[1], new.j, symbols):
+            return False
+        if not read_symbols(lanes, CHROMA, tables.magnitudes[2], new.j, new.low):
+            return False
+        read_low_bits(lanes, CHROMA, symbols)
+        read_low_bits(lanes, CHROMA, new.low)
+        for splat in range(len(symbols)):
+            out.colors[splat, 1], out.colors[splat, 2] = symbols[splat], new.low[splat]
+        find_classes(new)
+    elif at == halvings + 3:
+        for plane in range(3):
+            if not read_symbols(lanes, SIZE + plane, tables.windows[plane].distributions, new.j, symbols):
+                return False
+            for splat in range(len(symbols)):
+                out.shapes[splat, plane] = symbols[splat]
+        for plane in range(2):  # no place depends on shear, so that its low bits are late
+            read_window_bits(lanes, SIZE + plane, tables.windows[plane], plane, new)
+    return True
 
 
 @kernel()
-def _read_intra(lanes: Lanes, tables: Tables, step: int, out: CodeArrays, state: I8) -> bool:
-    """All passes, put into `out`, and the state (N, 8) that they stand for; whether the words sufficed."""
-    count = len(state)
-    if not read_cells(lanes, tables.inside, tables.alphas, out.cells):
-        return False
-    lanes.spent_after[CELLS] = lanes.spent[0]
-    context, codes = np.zeros(count, np.int64), np.empty(count, np.int64)
-    for plane in range(3):
-        if not read_colors(lanes, tables.magnitudes[plane], context, codes):
-            return False
-        for splat in range(count):
-            out.colors[splat, plane] = codes[splat]
-            if plane == 0:  # the classes of luma are the contexts of both chroma planes
-                context[splat] = magnitude_class(abs(codes[splat]))
-        lanes.spent_after[CHROMA if plane else LUMA] = lanes.spent[0]
-    # The class follows from the colour alone, and says which window the codes of shape have.
-    most, j, color = N_MOST // step, np.empty(count, np.int64), np.empty(3, np.int64)
-    for splat in range(count):
+def find_classes(new: New) -> None:
+    """The class of each splat: it follows from the colour without its signs, and says which windows the shape has."""
+    most, color = N_MOST // new.step, np.empty(3, np.int64)
+    for splat in range(len(new.j)):
         for axis in range(3):
-            color[axis] = min(max(out.colors[splat, axis], -most), most) * step
-        j[splat] = class_of(color, step)
-    for plane in range(3):
-        if not read_windowed(lanes, tables.windows[plane], j, codes):
-            return False
-        for splat in range(count):
-            out.shapes[splat, plane] = codes[splat]
-        lanes.spent_after[SIZE + plane] = lanes.spent[0]
-    bits = context
-    for axis in range(2):
-        for splat in range(count):
-            size = log_size(out.shapes[splat, 0], out.shapes[splat, 1], j[splat], axis)
-            bits[splat] = 2 - place_unit(size, j[splat])  # 2^2 pixels are a cell
-        if not read_raw(lanes, bits, codes):
-            return False
-        for splat in range(count):
-            out.places[splat, axis] = codes[splat]
-    lanes.spent_after[PLACE] = lanes.spent[0]
-    find_intra_state(out, step, state)
-    return True
+            color[axis] = min(new.codes.colors[splat, axis], most) * new.step
+        new.j[splat] = class_of(color, new.step)
 
 
 @kernel()
-def read_cells(lanes: Lanes, inside: tuple[int, int], alphas: I8, cells: I8) -> bool:
-    """Column and row of the cell of each splat, into cells (count, 2) (spec.md section 15.8).
+def read_window_bits(lanes: Lanes, part: int, windows: Windows, plane: int, new: New) -> None:
+    """The low bits of a plane with windows (15-7), whose bins are in `new.codes`: the codes."""
+    sizes, j, shapes = new.sizes, new.j, new.codes.shapes
+    for splat in range(len(j)):
+        sizes[splat] = windows.low_bits[j[splat]]
+    read_raw(lanes, part, sizes, new.low)
+    for splat in range(len(j)):
+        bin_ = shapes[splat, plane] + windows.first[j[splat]]
+        shapes[splat, plane] = (bin_ << sizes[splat]) + new.low[splat]
 
-    `inside` is columns and rows of cells, and `alphas` (2 a,) the shape of each halving.
-    """
-    many = 1
-    counts, origins = np.empty(len(cells), np.int64), np.zeros((len(cells), 2), np.int64)
-    halves, places = np.empty(len(cells), np.int64), np.empty((len(cells), 2), np.int64)
-    answers, sizes, low = np.empty(len(cells), np.int64), np.empty(len(cells), np.int64), np.empty(len(cells), np.int64)
-    counts[0] = len(cells)
-    size = 1 << (len(alphas) // 2)
-    for halving in range(len(alphas)):
-        axis = halving % 2
-        size = size >> 1 if axis == 0 else size
-        this = Halving(axis, size, inside[axis], alphas[halving])
-        if not _read_halves(lanes, counts[:many], origins, this, answers, sizes):
-            return False
-        if not read_raw(lanes, sizes[:many], low):
-            return False
-        after = 0
-        for part in range(many):
-            first = min((answers[part] << sizes[part]) + low[part], counts[part])
-            for half in range(2):
-                n = counts[part] - first if half else first
-                if n > 0:
-                    halves[after] = n
-                    places[after, axis] = origins[part, axis] + (size if half else 0)
-                    places[after, 1 - axis] = origins[part, 1 - axis]
-                    after += 1
-        counts, halves, origins, places, many = halves, counts, places, origins, after
+
+@kernel()
+def put_cells(new: New) -> None:
+    """Column and row of the cell of each splat, out of the parts after the last of an even number of halvings."""
     splat = 0
-    for part in range(many):
-        for _ in range(counts[part]):
-            cells[splat, 0], cells[splat, 1] = origins[part, 0], origins[part, 1]
+    for part in range(new.parts[0]):
+        for _ in range(new.counts[0, part]):
+            new.codes.cells[splat, 0], new.codes.cells[splat, 1] = new.origins[0, part, 0], new.origins[0, part, 1]
             splat += 1
+
+
+@kernel()
+def intra_late_count(tables: Tables, new: New) -> int:
+    """How many late bits new splats have: signs, low bits of shear, and places."""
+    count, out = 0, new.codes
+    for splat in range(len(new.j)):
+        j = new.j[splat]
+        for axis in range(3):
+            count += out.colors[splat, axis] != 0
+        count += tables.windows[2].low_bits[j]
+        for axis in range(2):
+            count += 2 - place_unit(log_size(out.shapes[splat, 0], out.shapes[splat, 1], j, axis), j)
+    return count
+
+
+@kernel()
+def read_intra_late(lanes: Lanes, tables: Tables, new: New) -> None:
+    """The late bits of new splats, and the state that all codes stand for."""
+    out, numbers = new.codes, new.answers
+    for plane in range(3):
+        for splat in range(len(numbers)):
+            numbers[splat] = out.colors[splat, plane]
+        read_signs(lanes, CHROMA if plane else LUMA, numbers)
+        for splat in range(len(numbers)):
+            out.colors[splat, plane] = numbers[splat]
+    put_cells(new)
+    read_window_bits(lanes, SHEAR, tables.windows[2], 2, new)
+    for axis in range(2):
+        for splat in range(len(numbers)):
+            size = log_size(out.shapes[splat, 0], out.shapes[splat, 1], new.j[splat], axis)
+            new.sizes[splat] = 2 - place_unit(size, new.j[splat])  # 2^2 pixels are a cell
+        read_raw(lanes, PLACE, new.sizes, numbers)
+        for splat in range(len(numbers)):
+            out.places[splat, axis] = numbers[splat]
+    find_intra_state(out, new.step, new.state)
+
+
+@kernel()
+def read_halving(lanes: Lanes, tables: Tables, halving: int, new: New) -> bool:
+    """A halving of the frame (spec.md section 15.8)."""
+    before = axis = halving & 1  # left and right in turn with above and below
+    many, answers, sizes, low = new.parts[before], new.answers, new.sizes, new.low
+    counts, origins = new.counts[before], new.origins[before]
+    halves, places = new.counts[1 - before], new.origins[1 - before]
+    size = 1 << ((len(tables.alphas) - halving - 1) // 2)
+    this = Halving(axis, size, tables.inside[axis], tables.alphas[halving])
+    if not read_halves(lanes, counts[:many], origins, this, answers, sizes):
+        return False
+    read_raw(lanes, CELLS, sizes[:many], low)
+    after = 0
+    for part in range(many):
+        first = min((answers[part] << sizes[part]) + low[part], counts[part])
+        for half in range(2):
+            n = counts[part] - first if half else first
+            if n > 0:
+                halves[after] = n
+                places[after, axis] = origins[part, axis] + (size if half else 0)
+                places[after, 1 - axis] = origins[part, 1 - axis]
+                after += 1
+    new.parts[1 - before] = after
     return True
 
 
 @kernel()
-def _read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answers: I8, sizes: I8) -> bool:
-    """A pass of the upper bits of how many splats are in the first half of each part, and how many lower ones it has.
+def read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answers: I8, sizes: I8) -> bool:
+    """The upper bits of how many splats are in the first half of each part, and how many lower ones it has.
 
     A part that has no choice has all splats in its first half. Frequencies are found at the edges that the slot is
     compared with, a few of up to 512; `halves_of`, which a writer uses, finds them all.
     """
     axis, size, inside, alpha = halving
-    states, words, mask = lanes.states, lanes.words, len(lanes.states) - 1
-    taken, place, length = lanes.taken[0], 0, 0
+    states, mask = lanes.states, len(lanes.states) - 1
+    place, length = lanes.place[0], 0
     small, known = np.empty((MAX_BINOMIAL + 1, MAX_BINOMIAL + 2), np.int64), np.zeros(MAX_BINOMIAL + 1, np.bool_)
     for part in range(len(counts)):
         n, second = counts[part], min(size, inside - origins[part, axis] - size)
         answers[part], sizes[part] = n, 0
         if second <= 0:
             continue
-        x = states[place & mask]
+        lane = place & mask
+        x = states[lane]
         slot = x & (TOTAL - 1)
         if n <= MAX_BINOMIAL and size == second:
             if not known[n]:
@@ -191,33 +254,10 @@ def _read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answer
                 else:
                     above, end = middle, c
         answers[part] = k
-        x, taken = take_symbol(x, start, end - start, words, taken)
-        if taken == MISSING_WORD:
+        if not take_symbol(lanes, lane, x, start, end - start):
             return False
-        states[place & mask] = x
         place += 1
         length += lanes.lengths[end - start - 1]
-    lanes.taken[0] = taken
-    lanes.spent[0] += length
-    return True
-
-
-@kernel()
-def read_colors(lanes: Lanes, tables: Distributions, context: I8, codes: I8) -> bool:
-    """Signed codes of a colour channel: passes of classes, of low bits and of signs (spec.md section 15.7)."""
-    if not read_symbols(lanes, tables, context, codes):
-        return False
-    return read_low_bits(lanes, codes) and read_signs(lanes, codes)
-
-
-@kernel()
-def read_windowed(lanes: Lanes, windows: Windows, j: I8, codes: I8) -> bool:
-    """The codes of a plane with windows, of splats of the classes j: passes of bins and of low bits (15-7)."""
-    sizes, low = np.empty(len(j), np.int64), np.empty(len(j), np.int64)
-    for i in range(len(j)):
-        sizes[i] = windows.low_bits[j[i]]
-    if not (read_symbols(lanes, windows.distributions, j, codes) and read_raw(lanes, sizes, low)):
-        return False
-    for i in range(len(j)):
-        codes[i] = ((codes[i] + windows.first[j[i]]) << sizes[i]) + low[i]
+    lanes.place[0] = place
+    lanes.spent[CELLS] += length
     return True

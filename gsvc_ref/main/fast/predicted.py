@@ -1,29 +1,26 @@
-"""The splats of the frame before out of the lanes of a P-frame, in one kernel (spec.md sections 15.10 and 15.11)."""
+"""The splats of the frame before out of the lanes of a P-frame, pass by pass (spec.md sections 15.10 and 15.11)."""
 
-from dataclasses import replace
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.codes import GROUP_ENDS, GROUPS, NO_FIELD, REMOVED, SIDES, Field, MainCodes
+from gsvc_ref.main.codes import GROUP_ENDS, GROUPS, REMOVED
 from gsvc_ref.main.fast.lanes import (
     MODES,
     MOTION,
     POSITION,
     Lanes,
-    MissingWordError,
-    magnitude_class,
+    low_bits_of,
     read_low_bits,
     read_signs,
     read_symbols,
 )
-from gsvc_ref.main.models import ROWS, Models, adapted, model_distributions, note_symbols
-from gsvc_ref.main.motion import X_CLASSES, field_shape, find_mode_contexts, find_motion
+from gsvc_ref.main.models import ROWS, adapted, note_symbols
+from gsvc_ref.main.motion import X_CLASSES, find_mode_contexts, find_motion
 from gsvc_ref.main.passes import Distributions
 from gsvc_ref.main.reconstruct import find_after
-from gsvc_ref.main.tables import step_of
 
 VECTOR_ROW: Final = ROWS["vector"].first
 MODE_ROW: Final = ROWS["mode"].first
@@ -43,146 +40,168 @@ class Reference(NamedTuple):
     step: int  # D in 1/16
 
 
-class Outputs(NamedTuple):
-    """What is read."""
+class Predicted(NamedTuple):
+    """What is read of these splats, and what is known of them between passes."""
 
-    field: I8  # (rows, columns, 2), the vectors
+    field: I8  # (rows, columns, 2), the vectors, in place if they are inherited
     modes: I8  # (N,)
-    differences: I8  # (N, 8)
+    differences: I8  # (N, 8); before the late bits are read, the classes of their magnitudes
     after: I8  # (N, 8), the splats that stay, at the start of the array
     past: I8  # (N,), what was done with each, likewise
     counts: I8  # (33, 24), those of the models of this frame before, and of the next one then
+    seen: I8  # (33, 24), how often each symbol was read in each context
+    motion: I8  # (N, 2)
+    changed: I8  # (3, N), the splats whose modes name each group
+    many: I8  # (3,), how many these are
+    rows: I8  # (N,), for a pass: contexts
+    symbols: I8  # (N,), and symbols
 
-
-class ReadPredicted(NamedTuple):
-    """What a P-frame says of the splats of the frame before."""
-
-    codes: MainCodes  # with the field, the modes and the differences
-    values: I8  # (N, 8), the splats that stay
-    past: I8  # (N,), what was done with each
-    models: Models  # of the next frame
-
-
-def read_predicted(
-    lanes: Lanes,
-    size: tuple[int, int],
-    values: I8,
-    past: I8,
-    models: Models,
-    codes: MainCodes,
-    inherited: Field = NO_FIELD,
-) -> ReadPredicted:
-    """The passes about the splats of the frame before (spec.md sections 15.10 and 15.11).
-
-    `values`, `past`, `models` and `inherited` are those of the `MainState` before, and `codes` the elements in front of
-    the run. A MissingWordError says that the words end before the symbols do.
-    """
-    count, own = len(values), codes.motion_cell > 0
-    field, side = inherited
-    if own:
-        side = SIDES[codes.motion_cell]
-        field = np.empty((*field_shape(*size, side), 2), np.int64)
-    modes, differences = np.empty(count, np.int64), np.zeros((count, 8), np.int64)
-    after, past_after = np.empty((count, 8), np.int64), np.empty(count, np.int64)
-    out = Outputs(field, modes, differences, after, past_after, models.counts.copy())
-    stay = _read_predicted(lanes, Reference(values, past, *size, side, own, step_of(codes.quantizer)), out)
-    if stay < 0:
-        raise MissingWordError
-    read = replace(codes, vectors=field if own else codes.vectors, modes=modes, differences=differences)
-    return ReadPredicted(read, after[:stay], past_after[:stay], Models(out.counts))
+    @classmethod
+    def of(cls, field: I8, count: int, counts: I8) -> "Predicted":
+        """Room for so many splats, and a field that is inherited or has room."""
+        most = max(count, field.shape[0] * field.shape[1])
+        return cls(
+            field=field,
+            modes=np.empty(count, np.int64),
+            differences=np.zeros((count, 8), np.int64),
+            after=np.empty((count, 8), np.int64),
+            past=np.empty(count, np.int64),
+            counts=counts.copy(),
+            seen=np.zeros_like(counts),
+            motion=np.empty((count, 2), np.int64),
+            changed=np.empty((3, count), np.int64),
+            many=np.zeros(3, np.int64),
+            rows=np.empty(most, np.int64),
+            symbols=np.empty(most, np.int64),
+        )
 
 
 @kernel()
-def _read_predicted(lanes: Lanes, reference: Reference, out: Outputs) -> int:
-    """All passes, put into `out`; how many splats stay, or -1 if a word is missing."""
-    values, side = reference.values, reference.side
-    # Models stand still in a frame: one set of tables does for all passes, and what they have seen counts afterwards.
-    tables, seen = model_distributions(out.counts), np.zeros(out.counts.shape, np.int64)
-    if reference.own and not read_field(lanes, tables, seen, out.field):
-        return -1
-    lanes.spent_after[MOTION] = lanes.spent[0]
-    motion, contexts = np.empty((len(values), 2), np.int64), np.empty(len(values), np.int64)
-    find_motion(values, out.field, side, motion)
-    find_mode_contexts(values, motion, reference.past, out.field, side, reference.width, reference.height, contexts)
+def read_predicted_pass(lanes: Lanes, tables: Distributions, reference: Reference, at: int, out: Predicted) -> bool:
+    """The part of the pass `at` that is about the splats of the frame before, and the early raw bits behind it."""
+    if at <= 2:
+        return not reference.own or read_vectors(lanes, tables, at - 1, out)
+    if at == 3:
+        return read_modes(lanes, tables, reference, out)
+    for group in range(3):  # noqa: SIM110  Numba knows no generators
+        if not read_component(lanes, tables, group, at - 4, out):
+            return False
+    return True
+
+
+@kernel()
+def read_vectors(lanes: Lanes, tables: Distributions, axis: int, out: Predicted) -> bool:
+    """X or y of the vectors of the field, each by its difference to the one to the left or above (15.10)."""
+    rows, columns = out.field.shape[:2]
+    contexts, symbols = out.rows[: rows * columns], out.symbols[: rows * columns]
+    for cell in range(len(contexts)):
+        if axis == 0:
+            contexts[cell] = VECTOR_ROW
+        else:  # `symbols` are still the contexts that x has said
+            contexts[cell] = symbols[cell]
+    if not read_symbols(lanes, MOTION, tables, contexts, symbols):
+        return False
+    note_symbols(contexts, symbols, out.seen)
+    for cell in range(len(contexts)):
+        contexts[cell] = VECTOR_ROW + 1
+        for bound in X_CLASSES:
+            contexts[cell] += symbols[cell] > bound
+    read_low_bits(lanes, MOTION, symbols)
+    read_signs(lanes, MOTION, symbols)
+    for cell in range(len(contexts)):
+        j, i = cell // columns, cell % columns
+        before = 0
+        if i > 0:
+            before = out.field[j, i - 1, axis]
+        elif j > 0:
+            before = out.field[j - 1, 0, axis]
+        out.field[j, i, axis] = ((symbols[cell] + before + 2**15) & 0xFFFF) - 2**15
+        symbols[cell] = contexts[cell]
+    return True
+
+
+@kernel()
+def read_modes(lanes: Lanes, tables: Distributions, reference: Reference, out: Predicted) -> bool:
+    """The mode of each splat, and which splats each group of differences is about."""
+    values, side, contexts = reference.values, reference.side, out.rows[: len(out.modes)]
+    find_motion(values, out.field, side, out.motion)
+    find_mode_contexts(values, out.motion, reference.past, out.field, side, reference.width, reference.height, contexts)
     for splat in range(len(values)):
         contexts[splat] += MODE_ROW
-    if not read_symbols(lanes, tables, contexts, out.modes):
-        return -1
-    note_symbols(contexts, out.modes, seen)
-    lanes.spent_after[MODES] = lanes.spent[0]
+    if not read_symbols(lanes, MODES, tables, contexts, out.modes):
+        return False
+    note_symbols(contexts, out.modes, out.seen)
+    for splat in range(len(values)):
+        if out.modes[splat] != REMOVED:
+            for group in range(3):
+                if out.modes[splat] >> group & 1:
+                    out.changed[group, out.many[group]] = splat
+                    out.many[group] += 1
+    return True
+
+
+@kernel()
+def read_component(lanes: Lanes, tables: Distributions, group: int, i: int, out: Predicted) -> bool:
+    """The classes of component i of position (group 0), shape or colour, if it has so many (15.11)."""
+    first, end, many = GROUP_ENDS[group], GROUP_ENDS[group + 1], out.many[group]
+    if first + i >= end:
+        return True
+    rows, symbols, changed, q = out.rows[:many], out.symbols[:many], out.changed[group], out.differences
+    for k in range(many):
+        rows[k] = DIFFERENCE_ROWS[group]
+        if i > 0:
+            before = 0  # the sum of the magnitudes so far; a class is one, or its magnitudes are above 2
+            for component in range(first, first + i):
+                before += q[changed[k], component]
+            rows[k] += 3 * (i - 1) + 1 + min(before, 2)
+    if not read_symbols(lanes, POSITION + group, tables, rows, symbols):
+        return False
+    note_symbols(rows, symbols, out.seen)
+    for k in range(many):
+        q[changed[k], first + i] = symbols[k]
+    return True
+
+
+@kernel(inline=True)
+def is_sure(q: I8, splat: int, group: int, component: int) -> bool:
+    """Whether a component is the last one of its group and all before it are 0: it is not, and coded less 1."""
+    if component != GROUP_ENDS[group + 1] - 1:
+        return False
+    before = 0
+    for other in range(GROUP_ENDS[group], component):
+        before |= q[splat, other]
+    return before == 0
+
+
+@kernel()
+def predicted_late_count(out: Predicted) -> int:
+    """How many late bits the differences have: the low bits of their magnitudes, and signs."""
+    count = 0
     for group in range(3):
-        if not read_differences(lanes, group, tables, seen, out.modes, out.differences):
-            return -1
-        lanes.spent_after[POSITION + group] = lanes.spent[0]
-    counts = adapted(out.counts, seen)
+        for k in range(out.many[group]):
+            splat = out.changed[group, k]
+            for component in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
+                q = out.differences[splat, component]
+                count += low_bits_of(q) + (q > 0 or is_sure(out.differences, splat, group, component))
+    return count
+
+
+@kernel()
+def read_predicted_late(lanes: Lanes, reference: Reference, out: Predicted) -> int:
+    """The late bits of the differences, and what becomes of the splats; how many stay."""
+    for group in range(3):
+        magnitudes, changed = out.symbols[: out.many[group]], out.changed[group]
+        for component in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
+            for k in range(len(magnitudes)):
+                magnitudes[k] = out.differences[changed[k], component]
+            read_low_bits(lanes, POSITION + group, magnitudes)
+            for k in range(len(magnitudes)):
+                magnitudes[k] += is_sure(out.differences, changed[k], group, component)
+            read_signs(lanes, POSITION + group, magnitudes)
+            for k in range(len(magnitudes)):
+                out.differences[changed[k], component] = magnitudes[k]
+    counts = adapted(out.counts, out.seen)
     for context in range(len(counts)):
         for s in range(counts.shape[1]):
             out.counts[context, s] = counts[context, s]
-    return find_after(values, motion, out.modes, out.differences, reference.step, out.after, out.past)
-
-
-@kernel()
-def read_field(lanes: Lanes, tables: Distributions, seen: I8, field: I8) -> bool:
-    """The vectors of the field (rows, columns, 2), each by its difference to the one to the left or above (15.10)."""
-    rows, columns = field.shape[:2]
-    contexts = np.empty(rows * columns, np.int64)
-    x, y = np.empty(rows * columns, np.int64), np.empty(rows * columns, np.int64)
-    for cell in range(len(x)):
-        contexts[cell] = VECTOR_ROW
-    if not read_magnitudes(lanes, tables, contexts, seen, x):
-        return False
-    for cell in range(len(x)):
-        contexts[cell] = VECTOR_ROW + 1
-        for bound in X_CLASSES:
-            contexts[cell] += magnitude_class(x[cell]) > bound
-    if not read_magnitudes(lanes, tables, contexts, seen, y):
-        return False
-    if not (read_signs(lanes, x) and read_signs(lanes, y)):
-        return False
-    for cell in range(len(x)):
-        j, i = cell // columns, cell % columns
-        left, above = (j, i - 1), (j - 1, 0)
-        before_x, before_y = 0, 0
-        if cell > 0:
-            j1, i1 = left if i > 0 else above
-            before_x, before_y = field[j1, i1, 0], field[j1, i1, 1]
-        field[j, i, 0] = ((x[cell] + before_x + 2**15) & 0xFFFF) - 2**15
-        field[j, i, 1] = ((y[cell] + before_y + 2**15) & 0xFFFF) - 2**15
-    return True
-
-
-@kernel()
-def read_differences(lanes: Lanes, group: int, tables: Distributions, seen: I8, modes: I8, differences: I8) -> bool:
-    """The differences of position (group 0), shape or colour of the splats whose modes name them (15.11)."""
-    first, components = GROUP_ENDS[group], GROUP_ENDS[group + 1] - GROUP_ENDS[group]
-    many, changed = 0, np.empty(len(modes), np.int64)
-    for splat in range(len(modes)):
-        if modes[splat] != REMOVED and modes[splat] >> group & 1:
-            changed[many] = splat
-            many += 1
-    rows, before = np.empty(many, np.int64), np.zeros(many, np.int64)  # before: the sum of a splat's magnitudes so far
-    magnitudes = np.empty((components, many), np.int64)
-    for i in range(components):
-        for k in range(many):
-            rows[k] = DIFFERENCE_ROWS[group] + (3 * (i - 1) + 1 + min(before[k], 2) if i > 0 else 0)
-        if not read_magnitudes(lanes, tables, rows, seen, magnitudes[i]):
-            return False
-        for k in range(many):
-            if i == components - 1 and before[k] == 0:  # the mode says that not all are 0
-                magnitudes[i, k] += 1
-            before[k] += magnitudes[i, k]
-    for i in range(components):
-        if not read_signs(lanes, magnitudes[i]):
-            return False
-        for k in range(many):
-            differences[changed[k], first + i] = magnitudes[i, k]
-    return True
-
-
-@kernel()
-def read_magnitudes(lanes: Lanes, tables: Distributions, rows: I8, seen: I8, magnitudes: I8) -> bool:
-    """Passes of classes of magnitudes, by the rows of models, and of low bits."""
-    if not read_symbols(lanes, tables, rows, magnitudes):
-        return False
-    note_symbols(rows, magnitudes, seen)
-    return read_low_bits(lanes, magnitudes)
+    return find_after(reference.values, out.motion, out.modes, out.differences, reference.step, out.after, out.past)
