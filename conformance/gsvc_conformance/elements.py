@@ -93,7 +93,7 @@ _HEADER: Final[Mapping[str, Syntax]] = {row[0]: _of_header(*row) for row in head
 
 ELEMENTS: Final[Mapping[str, Syntax]] = {
     "magic": Syntax(),
-    "version_major": Syntax(129, 129, refused=(0, 1, 2, 128, 130, 255)),
+    "version_major": Syntax(130, 130, refused=(0, 1, 2, 128, 129, 131, 255)),
     "version_minor": Syntax(0, 255),
     "chunk_type": Syntax(refused=tuple(b"ABXZ\x00@[`{\xe9")),
     "chunk_length": Syntax(0, 1 << 28, refused=((1 << 20) + 1, (1 << 28) + 1, MOST)),

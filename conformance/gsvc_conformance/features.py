@@ -234,5 +234,8 @@ def _frame_counts(stream: bytes) -> Iterator[int]:
                 if state.header["flags"] & 1:
                     payload.le(4)  # parameter_checksum
                 if state.header["profile"] == code["MAIN"]:
-                    payload.raw(2)  # quantizer to frame_reserved
-                yield payload.uv()  # splat_count or new_splat_count
+                    head = payload.le(1)
+                    payload.raw(head >> 1 & 1)  # quantizer
+                    yield payload.uv() // 2 + 1 if head & 1 else 0  # splat_number
+                else:
+                    yield payload.uv()  # splat_count or new_splat_count

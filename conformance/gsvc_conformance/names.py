@@ -19,6 +19,8 @@ BODY: Final = ("frame", "quantizer", "lane_exponent", "motion_cell", "densities_
 """Columns of `bodies` of read_main_stream."""
 STATE: Final = ("X", "Y", "A", "B", "S", "n0", "n1", "n2")
 """Columns of states (spec.md 15.4)."""
+SYMBOL: Final = ("c(s)", "f(s)", "pass", "lane")
+"""Columns of `symbols` of read_main_stream."""
 DIFFERENCES: Final = tuple(f"q{i}" for i in range(8))
 """Columns of `differences` (spec.md 15.11)."""
 
@@ -32,7 +34,8 @@ ITEMS_OF_PORTS: Final = {
     "values": "element", "bits": "element", "words": "word", "blocks": "block", "quantizers": "quantiser",
     "codebook_sizes": "codebook", "codewords": "codeword", "codebooks": "codeword", "sums": "codeword",
     "survivors": "survivor", "rates": "iteration", "key_frames": "entry", "counts": "entry", "iterations": "entry",
-    "modes": "splat", "differences": "splat", "fields": "vector", "bodies": "body", "cumulative": "symbol",
+    "modes": "splat", "differences": "splat", "fields": "vector", "bodies": "body",
+    "symbols": "symbol", "cumulative": "symbol",
 }  # fmt: skip
 """The things that the first axis counts, of ports whose letter would be misleading."""
 
@@ -77,6 +80,8 @@ def columns(operation: Operation, output: str, size: int | None = None) -> tuple
         return STATE
     if output == "differences":
         return DIFFERENCES
+    if output == "symbols":
+        return SYMBOL
     if output in ("motion", "fields"):
         return SPLAT[:2]
     if output == "positions":

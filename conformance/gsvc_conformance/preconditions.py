@@ -406,6 +406,16 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
         ("starts must be at least 0, and no start and its frequency may add up to more than 2^14",
          lambda i: np.all((i["starts"] >= 0) & (i["starts"] + i["frequencies"] <= 2**14))),
         ("every lane must be below lane_count", lambda i: np.all((i["lanes"] >= 0) & (i["lanes"] < i["lane_count"]))),
+        ("lane_count must be a power of two up to 2^12",
+         lambda i: i["lane_count"] <= 2**12 and i["lane_count"].bit_count() == 1),
+        *((f"{name} must be 0 to 28, and raw values be in them",
+           lambda i, name=name: np.all((i[name] >= 0) & (i[name] <= 28) & (i[name[:-6]] >> i[name] == 0)))
+          for name in ("early_sizes", "late_sizes")),
+    ),
+    "window_frequencies": (
+        ("centre must be below 2^16 in magnitude", lambda i: abs(i["centre"]) < 2**16),
+        ("step must be 1 to 2048", lambda i: 1 <= i["step"] <= 2048),
+        ("scale_code must be 0 to 31", lambda i: 0 <= i["scale_code"] < 32),
     ),
     "density_frequencies": (
         ("edges must grow", lambda i: np.all(np.diff(i["edges"]) > 0)),

@@ -128,17 +128,23 @@ class Windows(NamedTuple):
 @lru_cache(maxsize=64)
 def windows_of(plane: Plane, density: Density) -> Windows:
     """The windows of size, aspect or shear."""
-    scale, family = int(exp2(256 * density.scale_code, 4)), family_of(density.family)
-    return _windows(STEPS_OF[plane], density.centre, density.slope, density.scale_code, scale, family)
+    steps = STEPS_OF[plane]
+    centres = 64 * density.centre + 16 * density.slope * np.arange(len(steps))
+    return windows_at(centres, steps, density.family, density.scale_code)
+
+
+def windows_at(centres: I8, steps: I8, density_family: int, scale_code: int) -> Windows:
+    """The windows around some centres, of codes of some steps."""
+    return _windows(steps, centres, scale_code, int(exp2(256 * scale_code, 4)), family_of(density_family))
 
 
 @kernel()
-def _windows(steps: I8, centre: int, slope: int, scale_code: int, scale: int, family: I8) -> Windows:
-    """(15-7) of each class j; `scale` is 2^(scale_code / 4) in the unit of the steps."""
+def _windows(steps: I8, centres: I8, scale_code: int, scale: int, family: I8) -> Windows:
+    """(15-7) of each step; `scale` is 2^(scale_code / 4) in the unit of the steps."""
     low, first = np.empty(len(steps), np.int64), np.empty(len(steps), np.int64)
     begins = np.zeros(len(steps) + 1, np.int64)
     for j in range(len(steps)):
-        middle, r = 64 * centre + 16 * slope * j, 0
+        middle, r = centres[j], 0
         while 16 * scale > MAX_BINS * (steps[j] << r):
             r += 1
         width = steps[j] << r
@@ -147,7 +153,7 @@ def _windows(steps: I8, centre: int, slope: int, scale_code: int, scale: int, fa
         begins[j + 1] = begins[j] + last - first[j] + 2
     cumulative = np.empty(begins[len(steps)], np.int64)
     for j in range(len(steps)):
-        middle, bins = 64 * centre + 16 * slope * j, begins[j + 1] - begins[j] - 1
+        middle, bins = centres[j], begins[j + 1] - begins[j] - 1
         cumulative[begins[j]], cumulative[begins[j + 1] - 1] = 0, TOTAL
         for i in range(1, bins):
             edge = (2 * ((first[j] + i) << low[j]) - 1) * steps[j]

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_base.arrays import I8
+from gsvc_base.arrays import I8, U2
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.bit_reader import Reader
@@ -123,9 +123,21 @@ def frame_body(
     if given is not None and codes != given:
         raise UsageError(
             "a decoder would find other codes than these: cells must be in their order, vectors in 16 bits, slopes 0 "
-            "where a plane has none, and differences 0 where the mode has not their bit"
+            "where a plane has none, differences 0 where the mode has not their bit, densities only where there are "
+            "new splats, and a quantizer that is not present must be that of the frame before"
         )
     return Body(codes, state, lengths)
+
+
+def symbols_of(before: MainState, codes: MainCodes) -> U2:
+    """c(s), f(s), pass and lane of each symbol of an I- or P-frame after the state `before`, (S, 4)."""
+    if codes.type == "I":
+        before = MainState.initial(before.width, before.height)
+    if len(codes.new) + len(before.values) == 0:
+        return np.zeros((0, 4), np.uint16)
+    run = RunWriter()
+    code_run(run, replace(before, densities=codes.densities or before.densities), codes, len(codes.new), codes)
+    return np.stack(run.in_order(codes.lane_exponent), axis=1).astype(np.uint16)
 
 
 def _check_shapes(given: MainCodes, before: MainState) -> None:

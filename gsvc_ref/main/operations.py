@@ -14,7 +14,7 @@ from gsvc_ref.main import motion as fields
 from gsvc_ref.main import state as states
 from gsvc_ref.main.cells import half_distribution
 from gsvc_ref.main.codes import SIDES, IntraCodes
-from gsvc_ref.main.densities import cumulative
+from gsvc_ref.main.densities import cumulative, windows_at
 from gsvc_ref.main.tables import step_of
 
 ANY: Final = None
@@ -51,6 +51,49 @@ def density_frequencies(edges: ArrayLike, centre: int, density_family: int, scal
     if density_family not in (0, 1):
         raise UsageError(f"density_family is {density_family!r}; it must be 0 or 1")
     return cumulative(_integers("edges", edges, ANY), centre, density_family, scale_code, unit_bits)
+
+
+class WindowFrequencies(NamedTuple):
+    """The distribution of a code of size, aspect or shear over its window."""
+
+    cumulative: I8
+    """(M,) i8, from 0 to 2^14: the cumulative frequencies of its upper bits, less `first`."""
+    first: int
+    """The upper bits of the lowest code."""
+    low_bits: int
+    """How many of its low bits are raw."""
+
+
+# twin of spec.window_frequencies
+@door
+def window_frequencies(centre: int, step: int, density_family: int, scale_code: int) -> WindowFrequencies:
+    """The distribution of a code of size, aspect or shear over its window (15-7).
+
+    Parameters
+    ----------
+    centre
+        m, in 1/1024 octave or of S.
+    step
+        h, what a code stands for in that unit, 1..2048.
+    density_family
+        0 logistic, 1 Laplace.
+    scale_code
+        0..31: the scale is 2^(scale_code / 4) sixteenths of an octave or of S.
+
+    Returns
+    -------
+    WindowFrequencies
+        `cumulative`, `first` and `low_bits`.
+
+    Raises
+    ------
+    UsageError
+        There is no such family, or the step is below 1.
+    """
+    if density_family not in (0, 1) or step < 1:
+        raise UsageError(f"density_family is {density_family!r} and step {step}; they must be 0 or 1, and at least 1")
+    windows = windows_at(np.array([centre]), np.array([step]), density_family, scale_code)
+    return WindowFrequencies(windows.distributions.cumulative, int(windows.first[0]), int(windows.low_bits[0]))
 
 
 class HalfFrequencies(NamedTuple):

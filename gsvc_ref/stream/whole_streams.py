@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gsvc_base.checks import door
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.frames import MainState, symbols_of
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.decoder import decode
@@ -117,20 +117,22 @@ class MainStreamCodes(NamedTuple):
     """The codes of a stream of profile `main`: T frames, of which B are not repeated."""
 
     header: Array
-    """(19,) i8, the elements of the sequence header in the order of sections 6.3 and 15.2."""
+    """(n,) i8, the elements of the sequence header in the order of sections 6.3 and 15.2."""
     frame_types: Array
     """(T,) u1, I, P or R in ASCII."""
     counts: Array
     """(T,) i8, the number of splats."""
     bodies: Array
-    """(B, 6) i8: `frame_number`, `quantizer`, `lane_exponent`, `motion_cell`, `densities_present`, and `splat_count` or
-    `new_splat_count`."""
+    """(B, 6) i8: `frame_number`, the `quantizer` that holds, `lane_exponent`, `motion_cell`, whether there are
+    densities, and the number of new splats."""
     fields: Array
     """(V, 2) i8, the vectors of the motion fields row by row, in quarter pixels."""
     modes: Array
     """(M,) i8, those of the splats of the frame before."""
     differences: Array
     """(M, 8) i8, q of these splats."""
+    symbols: Array
+    """(S, 4) u2, c(s), f(s), pass and lane of each symbol."""
     states: Array
     """(N, 8) i8, the states of the splats of all frames."""
 
@@ -157,7 +159,8 @@ def read_main_stream(stream: bytes) -> MainStreamCodes:
         The stream is of another profile.
     """
     reader = StreamReader(stream)
-    types, counts, states = [], [], []
+    types, counts, states, symbols = [], [], [], []
+    before = MainState.initial(reader.header.width, reader.header.height)
     bodies: list[tuple[int, MainCodes]] = []
     for frame in reader:
         if not isinstance(frame.codes, MainCodes) or not isinstance(frame.state, MainState):
@@ -167,6 +170,8 @@ def read_main_stream(stream: bytes) -> MainStreamCodes:
         states.append(frame.state.values)
         if frame.type != "R":
             bodies.append((frame.number, frame.codes))
+            symbols.append(symbols_of(before, frame.codes))
+        before = frame.state
     rows = [
         (number, c.quantizer, c.lane_exponent, c.motion_cell, int(c.densities is not None), len(c.new))
         for number, c in bodies
@@ -179,6 +184,7 @@ def read_main_stream(stream: bytes) -> MainStreamCodes:
         fields=_joined([codes.vectors.reshape(-1, 2) for _, codes in bodies], np.zeros((0, 2), np.int64)),
         modes=_joined([codes.modes for _, codes in bodies], np.zeros(0, np.int64)),
         differences=_joined([codes.differences for _, codes in bodies], np.zeros((0, 8), np.int64)),
+        symbols=_joined(symbols, np.zeros((0, 4), np.uint16)),
         states=_joined(states, np.zeros((0, 8), np.int64)),
     )
 

@@ -1,5 +1,6 @@
 """Cases of the entropy coding of profile `main`: runs, densities, halves, models and contexts (spec.md section 15)."""
 
+from collections.abc import Generator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -17,34 +18,53 @@ MIN_STATE: Final = spec.LOWEST_STATE
 # --- Runs ------------------------------------------------------------------------------------------------------------
 
 
-def run_of(symbols: Any, lane_count: int, lanes: Any = None) -> dict[str, Any]:
-    """Inputs of encode_run: c(s) and f(s) of each symbol; one pass, unless lanes are given."""
-    rows = ints(symbols).reshape(-1, 2)
+def run_of(symbols: Any, lane_count: int, lanes: Any = None, early: Any = (), late: Any = ()) -> dict[str, Any]:
+    """Inputs of encode_run: c(s) and f(s) of each symbol, in one pass unless lanes are given; raw values and sizes."""
+    rows, first, last = (ints(pairs).reshape(-1, 2) for pairs in (symbols, early, late))
     of_one_pass = np.arange(len(rows)) % lane_count
     return {"starts": rows[:, 0].copy(), "frequencies": rows[:, 1].copy(),
-            "lanes": of_one_pass if lanes is None else ints(lanes), "lane_count": lane_count}  # fmt: skip
+            "lanes": of_one_pass if lanes is None else ints(lanes), "lane_count": lane_count,
+            "early": first[:, 0].copy(), "early_sizes": first[:, 1].copy(),
+            "late": last[:, 0].copy(), "late_sizes": last[:, 1].copy()}  # fmt: skip
 
 
-def decoded(inputs: dict[str, Any], states: Array, words: Array) -> list[int]:
-    """The slots that a decoder finds by (7-1), after which every lane is at 2^16 and all words are taken."""
-    lanes, left, slots = states.astype(np.int64).tolist(), words.tolist(), []
+def decoded(inputs: dict[str, Any], states: Array, counts: Array, words: Array) -> tuple[list[int], list[int]]:
+    """The slots that a decoder finds by (7-1), which takes all words of each group, and the states it ends with."""
+    lanes, slots = states.astype(np.int64).tolist(), []
+    ends = np.cumsum(counts)
+    left = [words[end - count : end].tolist() for count, end in zip(counts, ends, strict=True)]
     columns = (inputs[name].tolist() for name in ("starts", "frequencies", "lanes"))
     for start, frequency, lane in zip(*columns, strict=True):
         slots.append(lanes[lane] % TOTAL)
         lanes[lane] = frequency * (lanes[lane] // TOTAL) + slots[-1] - start
         if lanes[lane] < MIN_STATE:
-            lanes[lane] = lanes[lane] * 2**16 + left.pop(0)
-    assert lanes == [MIN_STATE] * len(lanes)
-    assert left == []
-    return slots
+            lanes[lane] = lanes[lane] * 2**16 + left[lane // 32].pop(0)
+    assert not any(left)
+    return slots, lanes
 
 
-def encoded(inputs: dict[str, Any]) -> Inputs:
-    """A run, from whose states and words a decoder gets its symbols back."""
+def bits_of(values: Array, sizes: Array) -> list[int]:
+    """Raw values as bits."""
+    return [int(value) >> i & 1 for value, size in zip(values, sizes, strict=True) for i in range(size)]
+
+
+def encoded(inputs: dict[str, Any]) -> Generator[Any, Mapping[str, Any], Mapping[str, Any]]:
+    """A run, from which a decoder gets its symbols and raw bits back."""
     expected = yield inputs
-    slots = ints(decoded(inputs, result(expected, "lane_states"), result(expected, "words")))
-    assert (slots >= inputs["starts"]).all()
-    assert (slots < inputs["starts"] + inputs["frequencies"]).all()
+    parts = (result(expected, name) for name in ("lane_states", "word_counts", "words"))
+    slots, states = decoded(inputs, *parts)
+    assert (ints(slots) >= inputs["starts"]).all()
+    assert (ints(slots) < inputs["starts"] + inputs["frequencies"]).all()
+    late = bits_of(inputs["late"], inputs["late_sizes"])
+    carried = min(len(states), len(late) // 16)
+    assert states[carried:] == [MIN_STATE] * (len(states) - carried)
+    halves = [state - MIN_STATE >> i & 1 for state in states[:carried] for i in range(16)]
+    string = np.unpackbits(result(expected, "tail")[::-1], bitorder="little").tolist()
+    early = bits_of(inputs["early"], inputs["early_sizes"])
+    found = string[: len(early)], halves + string[len(early) : len(early) + len(late) - len(halves)]
+    assert found == (early, late)
+    assert not any(string[len(early) + len(late) - len(halves) :])
+    return expected
 
 
 @case("core", "encode_run")
@@ -57,10 +77,10 @@ def one_symbol() -> Inputs:
 
 @case("core", "encode_run", flags=["empty"])
 def run_without_symbols() -> Inputs:
-    """No symbols: each of 3 lanes is at 2^16, and there is no word."""
-    expected = yield run_of([], 3)
-    assert result(expected, "lane_states").tolist() == [MIN_STATE] * 3
-    assert len(result(expected, "words")) == 0
+    """No symbols: each of 4 lanes is at 2^16, and there is no word and no raw bit."""
+    expected = yield run_of([], 4)
+    assert result(expected, "lane_states").tolist() == [MIN_STATE] * 4
+    assert len(result(expected, "words")) == len(result(expected, "tail")) == 0
 
 
 @case("core", "encode_run", flags=["ties"])
@@ -92,6 +112,12 @@ def random_symbols(rng: Draws, count: int) -> Array:
     return np.stack([rng.integers(0, TOTAL + 1 - frequencies), frequencies], axis=1)
 
 
+def random_raw(rng: Draws, count: int) -> Array:
+    """Raw values and their sizes, (count, 2), of 0 to 28 bits."""
+    sizes = rng.integers(0, 29, (count,))
+    return np.stack([rng.integers(np.zeros(count, np.int64), np.int64(1) << sizes), sizes], axis=1)
+
+
 @case("core", "encode_run", flags=["lanes"])
 def one_list_of_words(rng: Draws) -> Inputs:
     """4 lanes take words from one list, in the order in which symbols are decoded, not lane by lane."""
@@ -99,12 +125,40 @@ def one_list_of_words(rng: Draws) -> Inputs:
     yield from encoded(inputs)
 
 
-@case("core", "encode_run", each={str(bits): bits for bits in (1, 3, 14)})
-def raw_bits(value: int, rng: Draws) -> Inputs:
-    """50 values of raw bits, in number: {key}."""
-    f = TOTAL >> value
-    values = rng.integers(0, 1 << value, (50,))
-    yield from encoded(run_of(np.stack([values * f, np.full(50, f)], axis=1), 2))
+@case("core", "encode_run", flags=["lanes"], each={str(lanes): lanes for lanes in (32, 64, 128)})
+def words_of_groups(value: int, rng: Draws) -> Inputs:
+    """400 rare symbols, lanes: {key}; each 32 lanes are a group, whose words stand together."""
+    inputs = run_of(random_symbols(rng, 400) // [1, 64] * [1, 1] + [0, 1], value)
+    expected = yield from encoded(inputs)
+    assert len(result(expected, "word_counts")) == value // 32
+
+
+@case("core", "encode_run")
+def early_raw_values(rng: Draws) -> Inputs:
+    """50 early raw values of 0 to 28 bits; the bytes of the string stand from its end on, each bit 0 first."""
+    yield from encoded(run_of(random_symbols(rng, 30), 2, early=random_raw(rng, 50)))
+
+
+@case("core", "encode_run", flags=["lanes"],
+      each={"15": 15, "16": 16, "31": 31, "63": 63, "64": 64, "80": 80, "87": 87})  # fmt: skip
+def late_raw_bits(value: int, rng: Draws) -> Inputs:
+    """4 lanes and {key} late bits: whole 16s of them are what lanes end with, up to 64, the rest is in the string."""
+    late = np.stack([rng.integers(0, 2, (value,)), np.ones(value, np.int64)], axis=1)
+    yield from encoded(run_of(random_symbols(rng, 30), 4, early=[[5, 3]], late=late))
+
+
+@case("core", "encode_run")
+def late_values_across_lanes() -> Inputs:
+    """Late values of 12 bits: the second one has 4 in lane 0 and 8 in lane 1; the sixth is in the string but for 4."""
+    late = [[0xABC, 12], [0xDEF, 12], [0x123, 12], [0x456, 12], [0x789, 12], [0xFED, 12]]
+    yield from encoded(run_of([[5, 7], [9, 200], [0, 3]], 4, late=late))
+
+
+@case("core", "encode_run", flags=["lanes"])
+def late_bits_of_lanes_without_symbols() -> Inputs:
+    """8 lanes for 3 symbols: the states of the five others are 2^16 and 16 late bits each."""
+    expected = yield from encoded(run_of([[5, 7], [9, 200], [0, 3]], 8, late=[[k, 16] for k in range(8)]))
+    assert result(expected, "lane_states")[3:].tolist() == [MIN_STATE + k for k in range(3, 8)]
 
 
 @case("uncommon", "encode_run", flags=["lanes"])
@@ -205,6 +259,44 @@ def farthest_edges(value: tuple[int, int]) -> Inputs:
     edges = np.linspace(-65535, 65535, 1024).astype(np.int64) // 2 * 2 + 1
     expected = yield density(edges, 65535, 0, *value)
     assert len(result(expected, "cumulative")) == 1026
+
+
+# --- Windows ---------------------------------------------------------------------------------------------------------
+
+
+def window(centre: int, step: int, family: int = 0, scale_code: int = 20) -> dict[str, Any]:
+    """Inputs of window_frequencies."""
+    return {"centre": centre, "step": step, "density_family": family, "scale_code": scale_code}
+
+
+@case("core", "window_frequencies", each={str(j): j for j in range(11)})
+def windows_of_classes(value: int) -> Inputs:
+    """The window of size in class {key}, h = 1477 >> {key}: from 8 scales below the centre to 8 scales above it."""
+    expected = yield window(64 * 20 - 128 * value, 1477 >> value)
+    cumulative = result(expected, "cumulative")
+    assert cumulative[-1] == TOTAL
+    assert len(cumulative) <= 515
+
+
+@case("core", "window_frequencies", flags=["region"], each=FAMILIES)
+def windows_of_negative_codes(value: int) -> Inputs:
+    """A window on both sides of 0 of the {key} density: its ends are rounded outward below 0 as well."""
+    expected = yield window(-333, 92, value, 13)
+    assert result(expected, "first") < 0
+
+
+@case("core", "window_frequencies", flags=["ties"], each={"below": (7, 0), "at": (8, 0), "above": (9, 1)})
+def windows_of_512_bins(value: tuple[int, int]) -> Inputs:
+    """16 scales {key} the bound of 512 codes, beyond which a low bit is raw."""
+    expected = yield window(0, 2, 0, value[0])
+    assert result(expected, "low_bits") == value[1]
+
+
+@case("uncommon", "window_frequencies", each={"31": 31, "30": 30})
+def widest_windows(value: int) -> Inputs:
+    """scale_code {key} with a step of 1: 16 scales are tens of thousands of codes, of which 7 bits are raw."""
+    expected = yield window(511 * 64, 1, 1, value)
+    assert result(expected, "low_bits") == 7
 
 
 # --- Halves ----------------------------------------------------------------------------------------------------------

@@ -110,7 +110,7 @@ def contexts_of_the_longest_fields(value: tuple[int, int], rng: Draws) -> Inputs
 
 @case("stress", "encode_run", flags=FLAGS)
 def run_of_many(rng: Draws) -> Inputs:
-    """90,001 symbols of 14 bits each, by 64 lanes: some 78,000 words."""
+    """90,001 symbols of 14 bits each, by 64 lanes in two groups: some 78,000 words."""
     symbols = np.stack([repeated(rng.integers(0, 2**14, (PERIOD,)), 90_001), np.ones(90_001, np.int64)], axis=1)
     symbols[EDGES] = random_symbols(rng, len(EDGES)) // [2**14, 1] + [7, 0]
     symbols[EDGES, 1] = 1

@@ -79,7 +79,7 @@ def _frame(
     if codes.type == "R":
         return codes, b"", state
     s = Writer()
-    after = frame_body(s, codes.type, state, header.lane_count, header.limits.splats, codes).after
+    after = frame_body(s, codes.type, state, header.max_lane_exponent, header.limits.splats, codes).after
     return codes, s.getvalue(), after
 
 
@@ -223,7 +223,8 @@ def layers_of_many_lanes() -> Inputs:
     """Four qualities of 120 splats each, by 64 lanes, in frames of level 2."""
     layers = [LayerPlan(n, layer, Plan("P" if n else "I", 5 if n else 60, 32 - 6 * layer, 6)) for n in range(2)
               for layer in range(1, 4)]  # fmt: skip
-    stream = with_layers(Draws(59), [Plan("I", 60, 32, 6), Plan("P", 3, 32, 6, 1)], layers, level=2, lane_count=64)
+    base = Plan("I", 60, 32, 6), Plan("P", 3, 32, 6, 1)
+    stream = with_layers(Draws(59), base, layers, level=2, max_lane_exponent=6)
     expected = yield {"stream": stream, "layer": 3}
     assert result(expected, "counts")[0] == 240
 
@@ -275,7 +276,7 @@ FAULTY_LAYERS: Final = {
     "frame_reserved": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(tools=5)),), "R-3.2-1",
                                   "frame_reserved of a layer is 1", "0"),
     "eight_lanes": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(tools=0x64)),), "R-15.5-1",
-                               "a layer has 8 lanes", "lane_count is 4"),
+                               "a layer has 8 lanes", "max_lane_exponent is 2"),
     "field_of_i": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(tools=0x0C)),), "R-15.5-2",
                               "I of a layer has a motion field", "there is nothing that moves"),
     "no_densities": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(tools=0)),), "R-15.5-3",

@@ -19,7 +19,7 @@ from gsvc_ref.paper import FrameType
 from gsvc_ref.testing import write_stream
 from gsvc_ref.testing.random_main_streams import Kind, RandomRun
 
-MAIN_HEADER: Final = SequenceHeader(profile=1, level=1, width=43, height=29, lane_count=4)
+MAIN_HEADER: Final = SequenceHeader(profile=1, level=1, width=43, height=29, max_lane_exponent=2)
 """The header of most streams: a size that is no multiple of anything."""
 READ: Final = ("read_main_stream", "reconstruct_stream")
 """The operations that most streams are cases of."""
@@ -80,7 +80,7 @@ def frame_of(header: SequenceHeader, plan: Plan, state: MainState, rng: Draws) -
         densities=densities_for(header, plan.planes) if plan.own and plan.count else None,
         motion_cell=plan.motion_cell if len(before.values) else 0,
     )
-    before = replace(before, densities=codes.densities or before.densities)
+    before = replace(before, densities=codes.densities or before.densities, quantizer=codes.quantizer)
     if plan.count + len(before.values) == 0:
         return codes, before
     after, codes = code_run(RandomRun(rng, plan.kind), before, codes, plan.count)
@@ -149,7 +149,7 @@ def main_motion_cells(value: int, rng: Draws) -> Inputs:
 def main_lanes(value: int, rng: Draws) -> Inputs:
     """All passes by lanes, in number: {key}; many passes have fewer symbols than there are lanes."""
     plans = [Plan("I", 40, lane_exponent=value), Plan("P", 3, lane_exponent=value, motion_cell=3)] * 2
-    expected = yield {"stream": main_stream(rng, *plans, lane_count=64)}
+    expected = yield {"stream": main_stream(rng, *plans, max_lane_exponent=6)}
     assert len(result(expected, "counts")) == 4
 
 

@@ -11,7 +11,8 @@ from gsvc_conformance.expectations import Exact, Expectation, Refusal
 from gsvc_conformance.operation import exactly, paired
 from gsvc_conformance.operations.bitstream import CONTAINER_RULES
 
-MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.6-1", "R-15.6-2", "R-15.11-1", "R-15.11-2")
+MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.5-5", "R-15.6-1", "R-15.6-2", "R-15.6-4",
+                     "R-15.6-5", "R-15.11-1", "R-15.11-2")  # fmt: skip
 """Rules of profile `main` that every legal stream of it exercises."""
 
 
@@ -23,10 +24,10 @@ def _plain(name: str) -> Callable[..., dict[str, Expectation]]:
 paired(
     "read_main_stream",
     "bitstream",
-    "What the bytes of a legal stream of profile `main` say: header, bodies, fields, modes, differences and states.",
+    "What a legal stream of profile `main` says: header, bodies, fields, modes, differences, symbols and states.",
     inputs="stream: stream",
-    outputs="header: i8 (19,); frame_types: u1 (T,); counts: i8 (T,); bodies: i8 (K, 6); fields: i8 (V, 2); "
-    "modes: i8 (M,); differences: i8 (M, 8); states: i8 (N, 8)",
+    outputs="header: i8 (E,); frame_types: u1 (T,); counts: i8 (T,); bodies: i8 (K, 6); fields: i8 (V, 2); "
+    "modes: i8 (M,); differences: i8 (M, 8); symbols: u2 (S, 4); states: i8 (N, 8)",
     equations=("15-2", "15-3", "15-6", "15-7", "15-8", "15-10"),
     rules=("R-3.1-5", *CONTAINER_RULES, *MAIN_RULES),
     oracle=_plain("read_main_stream"),
@@ -57,11 +58,12 @@ paired(
 paired(
     "encode_run",
     "bitstream",
-    "The states and words with which a decoder finds the symbols of a frame again.",
-    inputs="starts: i8 (K,); frequencies: i8 (K,); lanes: i8 (K,); lane_count: int",
-    outputs="lane_states: u4 (lane_count,); words: u2 (n,)",
+    "The states, words and raw bits in which a decoder finds the symbols and raw values of a frame again.",
+    inputs="starts: i8 (K,); frequencies: i8 (K,); lanes: i8 (K,); lane_count: int; early: i8 (E,); "
+    "early_sizes: i8 (E,); late: i8 (F,); late_sizes: i8 (F,)",
+    outputs="lane_states: u4 (lane_count,); word_counts: i8 (G,); words: u2 (n,); tail: u1 (t,)",
     equations=("7-2",),
-    rules=("R-7-3", "R-15.6-2", "R-15.6-3"),
+    rules=("R-7-3", "R-15.6-2", "R-15.6-3", "R-15.6-4"),
     oracle=_plain("encode_run"),
 )
 
@@ -74,6 +76,17 @@ paired(
     outputs="cumulative: i8 (M,)",
     equations=("15-3", "15-6"),
     oracle=_plain("density_frequencies"),
+)
+
+
+paired(
+    "window_frequencies",
+    "bitstream",
+    "Cumulative frequencies of the window of a code of size, aspect or shear.",
+    inputs="centre: int; step: int; density_family: int; scale_code: int",
+    outputs="cumulative: i8 (M,); first: i8 (); low_bits: i8 ()",
+    equations=("15-2", "15-6", "15-7"),
+    oracle=_plain("window_frequencies"),
 )
 
 
