@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from gsvc_base.arrays import F4 as F4
 from gsvc_base.checks import door, numbers
+from gsvc_base.constants import SMALLEST_NORMAL
 from gsvc_base.errors import UsageError
 
 PARAMETERS_PER_SPLAT = 8
@@ -164,3 +165,48 @@ def scale_parameters(
         positions = splats.positions * np.array([a, e], np.float32)
         cholesky = splats.cholesky * np.array([a, e, e], np.float32)
     return Splats(positions, cholesky, splats.colors)
+
+
+# twin of spec.scale_parameters_filtered
+@door
+def scale_parameters_filtered(
+    parameters: Splats | ArrayLike, width: int, height: int, new_width: int, new_height: int
+) -> Splats:
+    """The splats of a frame for a smaller one, filtered by the area of its pixels, computed in binary64 (9-9).
+
+    A side that does not become smaller is not filtered, nor is a splat that is degenerate (R-9.4-3).
+
+    Parameters
+    ----------
+    parameters
+        The splats, or their parameters (N, 8) f4.
+    width, height
+        Size of their frame in pixels.
+    new_width, new_height
+        Size of the other frame in pixels.
+
+    Returns
+    -------
+    Splats
+        Positions are scaled; L is scaled and made wider, and the colours paler, so that a splat's sum stays.
+
+    Raises
+    ------
+    UsageError
+        The parameters are no splats.
+    """
+    splats = Splats.of(parameters)
+    a, e = new_width / width, new_height / height
+    v_x = max(0, width - new_width) * (width + new_width) / (12 * width * width)
+    v_y = max(0, height - new_height) * (height + new_height) / (12 * height * height)
+    entries = splats.cholesky  # (l11, l21, l22)
+    drawn = np.isfinite(entries).all(axis=1) & (entries[:, [0, 2]] >= SMALLEST_NORMAL).all(axis=1)  # R-9.4-3
+    positions, cholesky = splats.positions * np.array([a, e]), entries * np.array([a, e, e])  # (9-8), f8
+    colors = splats.colors.astype(np.float64)
+    l11, l21, l22 = cholesky[drawn].T
+    m11 = np.sqrt(l11 * l11 + v_x)
+    m22 = np.sqrt(l22 * l22 + v_y + l21 * l21 * v_x / (m11 * m11))
+    colors[drawn] *= (l11 / m11 * (l22 / m22))[:, None]
+    cholesky[drawn] = np.column_stack([m11, l21 * (l11 / m11), m22])  # (9-9)
+    with np.errstate(over="ignore", under="ignore"):
+        return Splats(*(part.astype(np.float32) for part in (positions, cholesky, colors)))

@@ -5,6 +5,7 @@ from gsvc_base.errors import GsvcError as GsvcError
 from gsvc_base.errors import UsageError as UsageError
 from gsvc_base.splats import Splats as Splats
 from gsvc_base.splats import scale_parameters as scale_parameters
+from gsvc_base.splats import scale_parameters_filtered as scale_parameters_filtered
 from gsvc_ref.bitstream.crc import parameter_checksum as parameter_checksum
 from gsvc_ref.bitstream.planes import decode_plane as decode_plane
 from gsvc_ref.bitstream.rans import encode_plane as encode_plane

@@ -34,7 +34,7 @@ def level_of(operation: Operation, inputs: Values) -> int:
 
     pixels = max(_pixels(operation, inputs), default=0)
     splats = max(splat_counts(operation, inputs), default=0)
-    work = max(_works(inputs), default=0)
+    work = max(_works(operation, inputs), default=0)
     fitting = (
         number for number, level in spec.LEVELS.items()
         if pixels <= level["pixels"] and splats <= level["splats"] and work <= level["work"]
@@ -84,7 +84,7 @@ def splat_counts(operation: Operation, inputs: Values) -> Iterator[int]:
             yield int(inputs[port.name])
 
 
-def _works(inputs: Values) -> Iterator[int]:
+def _works(operation: Operation, inputs: Values) -> Iterator[int]:
     """The rendering work of the splats that are drawn, of those of another size, too."""
     from gsvc_base import spec
 
@@ -99,5 +99,5 @@ def _works(inputs: Values) -> Iterator[int]:
     elif "width" in inputs:
         yield spec.rendering_work(parameters, inputs["width"], inputs["height"])["work"]
     if "new_width" in inputs:
-        scaled = spec.scale_parameters(**inputs)["parameters"]
+        scaled = getattr(spec, operation.name)(**inputs)["parameters"]
         yield spec.rendering_work(scaled, inputs["new_width"], inputs["new_height"])["work"]

@@ -247,6 +247,11 @@ SCALE: Final[Rule] = ("scale must be above 0", lambda i: np.all(i["scale"] > 0))
 BITS: Final[Rule] = ("bits must be 1 to 16", lambda i: 1 <= i["bits"] <= 16)
 
 
+def _scales_in_range(inputs: Values) -> bool:
+    a, e = inputs["new_width"] / inputs["width"], inputs["new_height"] / inputs["height"]
+    return bool(np.all(abs(inputs["parameters"][:, :5] * np.array([a, e, a, e, e])) <= 2.0**126))
+
+
 def _of_main(inputs: Values) -> bool:
     return stated_profile(inputs["stream"]) == "main"
 
@@ -352,6 +357,7 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
                        for name in ("positions", "cholesky", "color_indices"))),
         *_codes("reconstruct_inter"),
     ),
+    "scale_parameters_filtered": (("no product of (9-8) may exceed 2^126 in magnitude", _scales_in_range),),
     "learning_rates": (
         ("iterations must be at least 0", lambda i: np.all(i["iterations"] >= 0)),
         ("factor must be above 0 and at most 1", lambda i: 0 < i["factor"] <= 1),

@@ -51,7 +51,11 @@ def add_command(commands: Any) -> None:
         "--frames", type=frame_range, default=(0, None), metavar="A:B",
         help="decode frames A to B-1 only, from the I-frame at or before A",
     )  # fmt: skip
-    parser.add_argument("--scale", type=positive, default=1.0, metavar="S", help="render at S times the size")
+    parser.add_argument(
+        "--scale", type=positive, default=1.0, metavar="S",
+        help="render at S times the size; below 1 filtered by the area of the new pixels, but with --precision "
+        "deterministic sampled, which has jagged edges",
+    )  # fmt: skip
     parser.add_argument(
         "--precision", choices=("fast", "deterministic", "exact"), default="fast",
         help="fast (default): binary32; deterministic: binary32, the same pixels on every machine; "

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, BinaryIO, Final, Self
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_base.splats import Splats, scale_parameters
+from gsvc_base.splats import Splats, scale_parameters, scale_parameters_filtered
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL
@@ -163,7 +163,8 @@ def decode(
     start, stop
         Half-open range of frames; decoding begins at the nearest I-frame at or before `start`.
     scale
-        Render at this many times the coded size (spec.md section 9.4).
+        Render at this many times the coded size (spec.md section 9.4). A smaller picture is filtered by the area of its
+        pixels, but with precision ``deterministic`` sampled, as the filter takes roots.
     precision, threads
         The parameters of `gsvc_ref.render`.
     on_gap
@@ -221,13 +222,15 @@ def rendered(
 
     width, height = scaled_size(header, scale)
     renderer = SequenceRenderer(width, height, precision=precision, threads=threads)
+    scaled = scale_parameters if precision == "deterministic" else scale_parameters_filtered  # R-9.4-3
     last: Frame | None = None
     before: DecodedFrame | None = None
     for decoded in frames:
         if last is None or before is None or not decoded.repeats(before):
             origins = None if before is None else decoded.origins(before)  # those of splats that were not rendered
-            splats = scale_parameters(decoded.splats, header.width, header.height, width, height)
+            splats = decoded.splats
             if (width, height) != (header.width, header.height):
+                splats = scaled(splats, header.width, header.height, width, height)
                 _check_scaled_work(splats, width, height, decoded.number)
             last = renderer.next_frame(splats, header.bit_depth, origins)
         before = decoded

@@ -10,11 +10,11 @@ import pytest
 from codec_cases import encoded, fast, video_format, waves
 
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_base.splats import scale_parameters
+from gsvc_base.splats import scale_parameters, scale_parameters_filtered
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.encoder import encode
 from gsvc_ref.paper import FrameCodes
-from gsvc_ref.rendering import render, to_frame
+from gsvc_ref.rendering import render, to_frame, to_frame_deterministic
 from gsvc_ref.stream import Gap, Stream, decode, decoder, scaled_size
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
 
@@ -119,10 +119,18 @@ def test_other_sizes_show_the_same_picture(stream, scale):
     with Stream(stream) as opened:
         width, height = scaled_size(opened.header, scale)
         assert (width, height) == (max(1, round(32 * scale)), max(1, round(24 * scale)))
-        splats = [scale_parameters(frame.splats, 32, 24, width, height) for frame in opened]
+        splats = [scale_parameters_filtered(frame.splats, 32, 24, width, height) for frame in opened]
     pictures = list(decode(stream, scale=scale))
     for picture, scaled in zip(pictures, splats, strict=True):
         assert np.array_equal(picture, to_frame(render(scaled, width, height), 8))
+
+
+def test_deterministic_pictures_are_sampled_at_every_size(stream):
+    """R-9.4-3"""
+    splats = [scale_parameters(frame.splats, 32, 24, 16, 12) for frame in Stream(stream)]
+    for picture, scaled in zip(decode(stream, scale=0.5, precision="deterministic"), splats, strict=True):
+        sums = render(scaled, 16, 12, precision="deterministic")
+        assert np.array_equal(picture, to_frame_deterministic(sums, 8))
 
 
 def test_at_an_odd_multiple_the_middle_pixels_are_those_of_the_coded_size(stream):

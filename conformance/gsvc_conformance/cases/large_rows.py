@@ -121,6 +121,15 @@ def many_scaled(rng: Draws) -> Inputs:
     assert result(expected, "parameters").all()
 
 
+@case("stress", "scale_parameters_filtered", flags=FLAGS)
+def many_filtered(rng: Draws) -> Inputs:
+    """70,001 splats from 1920x1080 to 1281x719; those at the borders of blocks are a thousand times larger."""
+    parameters = repeated(rng.uniform(1, 2, (PERIOD, 8)).astype(np.float32))
+    parameters[EDGES] *= 1000
+    expected = yield {"parameters": parameters, "width": 1920, "height": 1080, "new_width": 1281, "new_height": 719}
+    assert result(expected, "parameters").all()
+
+
 # --- Training --------------------------------------------------------------------------------------------------------
 
 

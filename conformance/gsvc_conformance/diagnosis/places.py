@@ -147,7 +147,8 @@ def _weights(inputs: Mapping[str, Any]) -> Conditions:
 
 
 OF_OPERATIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = {
-    "render_gradients": _splats, "scale_parameters": _splats, "to_frame": _samples, "to_frame_deterministic": _samples,
+    "render_gradients": _splats, "scale_parameters": _splats, "scale_parameters_filtered": _splats,
+    "to_frame": _samples, "to_frame_deterministic": _samples,
     "adan_step": _rows, "lsq_quantize": _lsq, "lsq_gradients": _lsq, "from_half": _halves, "to_half": _halves,
     "loss": _losses, "weighted_parameters": _weights, "weighted_gradients": _weights,
 }  # fmt: skip

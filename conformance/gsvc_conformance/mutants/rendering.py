@@ -218,6 +218,45 @@ LARGE: tuple[Mutant, ...] = (
          "            inside = np.unique(tiles[m < SUPPORT_SQUARED])\n            covered = covered & np.isin(tiles, inside)\n")),
 )  # fmt: skip
 
+M11 = "    m11 = np.sqrt(l11 * l11 + v_x)\n"
+M22 = "    m22 = np.sqrt(l22 * l22 + v_y + l21 * l21 * v_x / (m11 * m11))\n"
+V_X = "v_x = max(0, width - new_width) * (width + new_width) / (12 * width * width)"
+V_Y = "v_y = max(0, height - new_height) * (height + new_height) / (12 * height * height)"
+COLOR = "    scaled[drawn, 5:] *= (l11 / m11 * (l22 / m22))[:, None]\n"
+
+FILTERED: tuple[Mutant, ...] = (
+    mutant(AREA, "filter-left-out", "a smaller picture sampled, not filtered", (V_X, "v_x = 0"), (V_Y, "v_y = 0")),
+    mutant(AREA, "filter-whole-pixel", "the variance 1/12 of a new pixel, without that of an old one",
+        (V_X, "v_x = (new_width < width) / 12"), (V_Y, "v_y = (new_height < height) / 12")),
+    mutant(AREA, "filter-in-old-pixels", "the variance of the filter in pixels of the larger frame",
+        (V_X, V_X.replace("12 * width * width", "12 * new_width * new_width")),
+        (V_Y, V_Y.replace("12 * height * height", "12 * new_height * new_height"))),
+    mutant(AREA, "filter-of-the-width", "v_y by the width's ratio", (V_Y, "v_y = v_x")),
+    mutant(AREA, "filter-also-enlarges", "a variance below 0 where a side becomes larger",
+        (V_X, V_X.replace("max(0, width - new_width)", "(width - new_width)")),
+        (V_Y, V_Y.replace("max(0, height - new_height)", "(height - new_height)")),
+        (M11, M11.replace("v_x)", "v_x, where=l11 * l11 + v_x > 0, out=l11.copy())")),
+        (M22, "    s22 = l22 * l22 + v_y + l21 * l21 * v_x / (m11 * m11)\n    m22 = np.sqrt(s22, where=s22 > 0, out=l22.copy())\n")),
+    mutant(AREA, "filter-keeps-colours", "colours that stay, so that a filtered splat becomes brighter", (COLOR, "")),
+    mutant(AREA, "filter-colours-once", "colours divided by the growth of l11 alone",
+        (COLOR, "    scaled[drawn, 5:] *= (l11 / m11)[:, None]\n")),
+    mutant(AREA, "filter-keeps-l21", "l21 that stays, so that the splat turns",
+        ("np.column_stack([m11, l21 * (l11 / m11), m22])", "np.column_stack([m11, l21, m22])")),
+    mutant(AREA, "filter-without-shear", "l22 without the part of v_x that l21 brings",
+        (M22, "    m22 = np.sqrt(l22 * l22 + v_y)\n")),
+    mutant(AREA, "filter-degenerate", "degenerate splats made wide like the others",
+        ("drawn = (parameters[:, 2] >= SMALLEST_NORMAL) & (parameters[:, 4] >= SMALLEST_NORMAL)  # R-9.4-3",
+         "drawn = np.ones(len(parameters), np.bool_)")),
+    mutant(AREA, "filter-cancels", "m22 by a difference of squares in binary32",
+        (M22, "    l11, l21, l22 = (part.astype(np.float32) for part in (l11, l21, l22))\n"
+         "    s12 = l11 * l21 / m11.astype(np.float32)\n"
+         "    s22 = l21 * l21 + l22 * l22 + np.float32(v_y) - s12 * s12\n"
+         "    m22 = np.sqrt(np.maximum(s22, np.float32(2.0**-126)))\n")),
+    mutant(AREA, "filter-squares", "squares in binary32, whose range they leave",
+        (M11, "    l11, l21, l22 = (part.astype(np.float32) for part in (l11, l21, l22))\n"
+         "    v_x, v_y = np.float32(v_x), np.float32(v_y)\n" + M11)),
+)  # fmt: skip
+
 STRICT: tuple[Mutant, ...] = (
     mutant(DETERMINISTIC, "strict-division", "divisions in place of products with a rounded reciprocal",
         ("    u1 = ((columns + HALF) - x) * r1\n", "    u1 = ((columns + HALF) - x) / l11\n")),
@@ -338,4 +377,4 @@ STRICT: tuple[Mutant, ...] = (
         ('        return {"parameters": parameters * factors}  # (9-8)', '        return {"parameters": (parameters * factors).astype(np.float32)}')),
 )  # fmt: skip
 
-MUTANTS: tuple[Mutant, ...] = (*BOUNDED, *STRICT, *LARGE)
+MUTANTS: tuple[Mutant, ...] = (*BOUNDED, *FILTERED, *STRICT, *LARGE)

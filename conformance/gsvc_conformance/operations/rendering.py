@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.arrays import frame_type
-from gsvc_base.constants import LN_255
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import exact
+from gsvc_base.exact.running_error import Computed, given, stack, with_bound
 from gsvc_base.rendering.bounds import EPS, ETA, error_footprints, frame_limits
 from gsvc_base.rendering.definition import added
 from gsvc_base.splats import Splats
@@ -186,6 +187,59 @@ paired(
     outputs="parameters: f4 (N, 8)",
     equations=("9-8",),
     rules=("R-9.4-1",),
+)
+
+
+def _filtered(parameters: F4, width: int, height: int, new_width: int, new_height: int) -> dict[str, Expectation]:
+    """(9-9) operation by operation, as section 9.4 has it for binary32; a side that is not made smaller needs nothing."""
+    first, inverse, _ = distinct(parameters)
+    parameters = parameters[first]
+    drawn = (parameters[:, [2, 4]] >= SMALLEST_NORMAL).all(axis=1)
+    rows = np.where(drawn[:, None], parameters, np.float32(1))  # no quotient by 0, of what is not used
+    one = given(np.ones(len(rows)))
+    sides = [np.full(len(rows), side, np.float64) for side in (width, new_width, height, new_height)]
+    a, e = (given(new) / given(old) for old, new in (sides[:2], sides[2:]))
+    h_x, h_y = _deviation(*sides[:2]), _deviation(*sides[2:])
+    l11, l21, l22 = given(rows[:, 2]) * a, given(rows[:, 3]) * e, given(rows[:, 4]) * e
+    m11, m22 = l11, l22
+    if new_height < height:
+        m22 = _hypotenuse(m22, h_y)
+    if new_width < width:
+        m11 = _hypotenuse(m11, h_x)
+        m22 = _hypotenuse(m22, l21 * (h_x / m11))
+    across, down = (one if m is l else l / m for l, m in ((l11, m11), (l22, m22)))
+    position = [given(parameters[:, 0]) * a, given(parameters[:, 1]) * e]
+    filtered = stack(*position, m11, l21 * across, m22, *(given(rows[:, n]) * (across * down) for n in (5, 6, 7)))
+    entries = [given(parameters[:, n]) * factor for n, factor in ((2, a), (3, e), (4, e))]
+    unfiltered = stack(*position, *entries, *(given(parameters[:, n]) for n in (5, 6, 7)))
+    value, bound = with_bound(filtered.where(np.broadcast_to(drawn, (8, len(rows))), unfiltered))
+    bound[np.isnan(bound)] = np.inf  # 0 times infinity: a quotient by what may be 0
+    return {"parameters": Bounded(value.T[inverse], bound.T[inverse])}
+
+
+def _deviation(old: F8, new: F8) -> Computed:
+    """The root of v of (9-9) for sides of `old` pixels that get `new`, whose sum and products are rounded."""
+    new = np.minimum(old, new)
+    return (given(old - new) * given(old + new) / (given(12 * old) * given(old))).sqrt()
+
+
+def _hypotenuse(p: Computed, q: Computed) -> Computed:
+    """The root of p^2 + q^2, p > 0, whose squares would leave the range of binary32."""
+    first = p.value >= abs(q.value)
+    m, n = p.where(first, q.where(q.value > 0, -q)), q.where(first, p)
+    ratio = n / m
+    return m * (given(np.ones(len(m.error))) + ratio * ratio).sqrt()
+
+
+paired(
+    "scale_parameters_filtered",
+    "sizes",
+    "The splats of a frame for a smaller one, filtered by the area of its pixels.",
+    inputs="parameters: f4 (N, 8); width: int; height: int; new_width: int; new_height: int",
+    outputs="parameters: f4 (N, 8)",
+    equations=("9-8", "9-9", "13-17"),
+    rules=("R-9.4-3",),
+    oracle=_filtered,
 )
 
 

@@ -48,6 +48,7 @@ from gsvc_conformance.adapters.opencl.rendering import (
     render_sum,
     render_sum_deterministic,
     scale_parameters,
+    scale_parameters_filtered,
     to_frame,
     to_frame_deterministic,
 )
@@ -98,6 +99,7 @@ __all__ = [
     "rvq_assign",
     "rvq_update",
     "scale_parameters",
+    "scale_parameters_filtered",
     "splat_classes",
     "state_parameters",
     "to_frame",

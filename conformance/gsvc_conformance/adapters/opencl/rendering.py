@@ -1,5 +1,6 @@
 """Rendering and its gradients (spec.md 9 and 10.3): splats go to the device once, a picture comes back."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -166,6 +167,17 @@ def scale_parameters(parameters: Floats, width: int, height: int, new_width: int
     sizes = map(float, (width, height, new_width, new_height))
     launch("scale_parameters", len(parameters), upload(parameters, "f4"), len(parameters), *sizes, scaled, exact=True)
     return {"parameters": download(scaled, parameters.shape, "f4")}
+
+
+def scale_parameters_filtered(parameters: Floats, width: int, height: int, new_width: int, new_height: int) -> Values:
+    """The splats of a frame for a smaller one, (N, 8) f4: R-9.4-3."""
+    filtered = buffer(parameters.nbytes)
+    sides = ((width, new_width), (height, new_height))
+    ratios = [new / old for old, new in sides]
+    deviations = [math.sqrt(max(0, old - new) * (old + new) / 12) / old for old, new in sides]
+    count = len(parameters)
+    launch("scale_parameters_filtered", count, upload(parameters, "f4"), count, *ratios, *deviations, filtered)
+    return {"parameters": download(filtered, parameters.shape, "f4")}
 
 
 def render_gradients(parameters: Floats, residual: Floats) -> Values:

@@ -50,7 +50,13 @@ from gsvc_conformance.adapters.pytorch.reconstruction import (
     rendering_work,
     to_half,
 )
-from gsvc_conformance.adapters.pytorch.rendering import render_frame, render_gradients, render_sum, to_frame
+from gsvc_conformance.adapters.pytorch.rendering import (
+    render_frame,
+    render_gradients,
+    render_sum,
+    scale_parameters_filtered,
+    to_frame,
+)
 from gsvc_conformance.adapters.pytorch.streams import decode_stream, decode_stream_deterministic, reconstruct_stream
 from gsvc_conformance.adapters.pytorch.training import (
     adan_step,
@@ -102,6 +108,7 @@ __all__ = [
     "rvq_assign",
     "rvq_update",
     "scale_parameters",
+    "scale_parameters_filtered",
     "select_key_frames",
     "splat_classes",
     "state_parameters",

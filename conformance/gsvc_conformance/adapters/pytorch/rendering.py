@@ -1,8 +1,10 @@
 """Rendering (section 9.1) as a function of tensors that autograd can differentiate."""
 
+import math
 from collections.abc import Iterator
 from typing import Final
 
+import numpy as np
 import torch
 from torch import Tensor
 from torch.utils.checkpoint import checkpoint
@@ -126,3 +128,22 @@ def render_frame(parameters: Array, width: int, height: int, bit_depth: int) -> 
     """Operation: sum, clamp, scale, round."""
     with torch.no_grad():
         return {"frame": quantized(render(tensor(parameters), width, height), bit_depth)}
+
+
+def scale_parameters_filtered(parameters: Array, width: int, height: int, new_width: int, new_height: int) -> Arrays:
+    """Operation: the splats for a smaller frame (9-9); ratios and variances come from the host."""
+    a, e = new_width / width, new_height / height
+    h_x, h_y = (torch.tensor(_deviation(*sides), device=DEVICE) for sides in ((width, new_width), (height, new_height)))
+    given = tensor(parameters)
+    x, y, l11, l21, l22 = (given[:, :5] * tensor(np.array([a, e, a, e, e], np.float32))).unbind(1)
+    m11 = torch.hypot(l11, h_x)
+    m22 = torch.hypot(torch.hypot(l22, h_y), l21 * (h_x / m11))
+    colors = given[:, 5:] * (l11 / m11 * (l22 / m22))[:, None]
+    filtered = torch.cat((torch.stack((x, y, m11, l21 * (l11 / m11), m22), 1), colors), 1)
+    unfiltered = torch.cat((torch.stack((x, y, l11, l21, l22), 1), given[:, 5:]), 1)
+    drawn = (given[:, [2, 4]] >= torch.finfo(torch.float32).tiny).all(1)  # R-9.4-3
+    return {"parameters": array(torch.where(drawn[:, None], filtered, unfiltered), "f4")}
+
+
+def _deviation(old: int, new: int) -> float:
+    return math.sqrt(max(0, old - new) * (old + new) / 12) / old

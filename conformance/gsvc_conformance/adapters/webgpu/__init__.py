@@ -57,6 +57,7 @@ __all__ = [
     "render_sum",
     "render_sum_deterministic",
     "scale_parameters",
+    "scale_parameters_filtered",
     "splat_classes",
     "state_parameters",
     "to_frame",
@@ -145,6 +146,12 @@ def scale_parameters(parameters: Array, width: int, height: int, new_width: int,
     """The splats for a frame of another size, f4 (N, 8): (9-8)."""
     sizes = (width, height, new_width, new_height)
     return {"parameters": reconstruction.each_value("scale", parameters, sizes).view(np.float32)}
+
+
+def scale_parameters_filtered(parameters: Array, width: int, height: int, new_width: int, new_height: int) -> Outputs:
+    """The splats for a smaller frame, filtered by the area of its pixels, f4 (N, 8): (9-9)."""
+    sizes = (width, height, new_width, new_height)
+    return {"parameters": reconstruction.each_value("filtered", parameters, sizes).view(np.float32)}
 
 
 def render_gradients(parameters: Array, residual: Array) -> Outputs:

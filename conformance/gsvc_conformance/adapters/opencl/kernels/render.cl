@@ -63,3 +63,33 @@ kernel void scale_parameters(global const float *parameters, uint splat_count, f
     for (uint column = 0; column < 8; column++)
         scaled[8 * (size_t)n + column] = parameters[8 * (size_t)n + column] * factors[column];
 }
+
+/* The root of p^2 + q^2, p > 0, whose squares may leave the range of binary32. */
+float hypotenuse(float p, float q)
+{
+    float larger = fmax(p, fabs(q)), ratio = fmin(p, fabs(q)) / larger;
+    return larger * root(1 + ratio * ratio);
+}
+
+/* (9-9), one work-item for each splat. The roots of v_x and v_y come from the host, 0 for a side that is not made smaller. */
+kernel void scale_parameters_filtered(global const float *parameters, uint splat_count, float a, float e, float h_x,
+                                      float h_y, global float *filtered)
+{
+    uint n = get_global_id(0);
+    if (n >= splat_count)
+        return;
+    float8 p = vload8(n, parameters);
+    bool drawn = p.s2 >= SMALLEST_NORMAL && p.s4 >= SMALLEST_NORMAL;    /* R-9.4-3 */
+    p.s02 *= a;
+    p.s134 *= e;
+    if (drawn) {
+        float m11 = h_x > 0 ? hypotenuse(p.s2, h_x) : p.s2;
+        float m22 = h_y > 0 ? hypotenuse(p.s4, h_y) : p.s4;
+        if (h_x > 0)
+            m22 = hypotenuse(m22, p.s3 * (h_x / m11));
+        float across = h_x > 0 ? p.s2 / m11 : 1;
+        p.s567 *= across * (p.s4 / m22);
+        p.s234 = (float3)(m11, p.s3 * across, m22);
+    }
+    vstore8(p, n, filtered);
+}

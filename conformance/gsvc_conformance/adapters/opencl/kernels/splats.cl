@@ -26,6 +26,13 @@
 #define SUPPORT_SQUARED 0x1.62a41p+3f       /* K of (9-5): 2 ln 255, where a splat ends */
 #define REACH 0x1.aa1ef0p+1f                /* rho' of section 5, rounded up */
 
+/* sqrt may be 3 units off in OpenCL, more than (13-3) has for it: one step of Newton's method after it. */
+float root(float a)
+{
+    float estimate = sqrt(a);
+    return estimate > 0 && estimate < INFINITY ? estimate + fma(-estimate, estimate, a) / (2 * estimate) : estimate;
+}
+
 typedef struct {
     float x, y;
     float r1, r2;                           /* 1 / l11, 1 / l22 */

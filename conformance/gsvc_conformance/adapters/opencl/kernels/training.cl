@@ -79,13 +79,6 @@ kernel void weighted_gradients(global const float *values, global const float *b
     gradient[8] = of_weight;
 }
 
-/* sqrt may be 3 units off in OpenCL, more than (13-3) has for it: one step of Newton's method after it. */
-float root(float a)
-{
-    float estimate = sqrt(a);
-    return estimate > 0 && estimate < INFINITY ? estimate + fma(-estimate, estimate, a) / (2 * estimate) : estimate;
-}
-
 /* What follows from the decay rates alone, formed in binary64 by the host: 1 - 0.99f has lost five bits (10.4). */
 typedef struct {
     float beta1, beta2, beta3;
