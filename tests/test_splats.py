@@ -198,7 +198,9 @@ def test_the_stated_precision_of_filtered_splats_holds_for_needles():
     assert 0.01 < m22 < 0.02
 
 
-@pytest.mark.parametrize("entries", [(0, 1, 2), (-2, 1, 2), (2, 1, -2), (2, 1, 2.0**-127), (np.inf, 1, 2), (2, np.inf, 2)])
+@pytest.mark.parametrize(
+    "entries", [(0, 1, 2), (-2, 1, 2), (2, 1, -2), (2, 1, 2.0**-127), (np.inf, 1, 2), (2, np.inf, 2)]
+)
 def test_splats_that_cover_nothing_are_not_filtered(entries):
     splats = Splats.from_array([[4, 4, *entries, 1, -1, 1]])
     assert scale_parameters_filtered(splats, 16, 12, 8, 6) == scale_parameters(splats, 16, 12, 8, 6)

@@ -32,8 +32,9 @@ NAMES: Final = (
     "rate_distortion",
     "rate_control",
     "time",
+    "sizes",
 )
-"""The experiments in the order of the paper; each is the module of that name."""
+"""The experiments in the order of the paper, and one that it lacks; each is the module of that name."""
 
 FOLDER: Final = Path("experiments/results")
 

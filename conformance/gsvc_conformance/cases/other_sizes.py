@@ -76,7 +76,7 @@ def nothing_to_scale() -> Inputs:
     assert expected["parameters"].value.shape == (0, 8)
 
 
-# --- Filtered by the area of the new pixels ----------------------------------------------------------------------------
+# --- Filtered by the area of the new pixels --------------------------------------------------------------------------
 
 SMALLER = {"half": (48, 26, 24, 13), "a_tenth": (160, 90, 16, 9), "one_column_less": (1920, 9, 1919, 9),
            "as_wide": (31, 46, 31, 17), "wider_and_lower": (12, 40, 50, 9), "narrower_and_higher": (40, 12, 9, 50),

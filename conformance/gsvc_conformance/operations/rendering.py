@@ -191,10 +191,10 @@ paired(
 
 
 def _filtered(parameters: F4, width: int, height: int, new_width: int, new_height: int) -> dict[str, Expectation]:
-    """(9-9) operation by operation, as section 9.4 has it for binary32; a side that is not made smaller needs nothing."""
+    """(9-9) operation by operation, in the form for binary32; a side that is not made smaller needs nothing."""
     first, inverse, _ = distinct(parameters)
     parameters = parameters[first]
-    drawn = (parameters[:, [2, 4]] >= SMALLEST_NORMAL).all(axis=1)
+    drawn = np.all(parameters[:, [2, 4]] >= SMALLEST_NORMAL, axis=1)
     rows = np.where(drawn[:, None], parameters, np.float32(1))  # no quotient by 0, of what is not used
     one = given(np.ones(len(rows)))
     sides = [np.full(len(rows), side, np.float64) for side in (width, new_width, height, new_height)]
