@@ -84,8 +84,8 @@ _OF_PROFILE: Final = (
 )
 """After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
 
-_OTHERS_RESERVED: Final = ("layer_count", "main_tools")
-"""The elements of these of which other values are reserved."""
+_RESERVED: Final = ("layer_count", "main_tools")
+"""Those of which other values are reserved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -224,7 +224,7 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
     element("video_full_range_flag", 1, 0, 0xFF)
     element("chroma_sample_loc_type", 1, 0, 0xFF)
     for name, size, lowest, highest in _OF_PROFILE[profile]:
-        value = element(name, size, lowest, highest, others_reserved=name in _OTHERS_RESERVED)
+        value = element(name, size, lowest, highest, others_reserved=name in _RESERVED)
         if name == "max_lane_exponent" and value > LANE_EXPONENTS[level]:
             s.fail("R-5-11", f"`max_lane_exponent` is {value}; level {level} allows {LANE_EXPONENTS[level]}")
     return elements

@@ -14,7 +14,7 @@ from gsvc_ref.main.fast.lanes import (
     CHROMA,
     LUMA,
     PLACE,
-    SHEAR,
+    SHEAR_PART,
     SIZE,
     Lanes,
     read_low_bits,
@@ -178,7 +178,7 @@ def read_intra_late(lanes: Lanes, tables: Tables, new: New) -> None:
         for splat in range(len(numbers)):
             out.colors[splat, plane] = numbers[splat]
     put_cells(new)
-    read_window_bits(lanes, SHEAR, tables.windows[2], 2, new)
+    read_window_bits(lanes, SHEAR_PART, tables.windows[2], 2, new)
     for axis in range(2):
         for splat in range(len(numbers)):
             size = log_size(out.shapes[splat, 0], out.shapes[splat, 1], new.j[splat], axis)

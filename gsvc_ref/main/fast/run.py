@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 MISSING: Final = -1
 LEFT: Final = -2
-RAW: Final = -3
+BITS: Final = -3
 STATE: Final = -4
 """What is wrong at the end of a run (R-15.6-2): words, raw bits, or lanes, `STATE` - j of lane j."""
 
@@ -84,7 +84,7 @@ def _fault(lanes: Lanes, status: int) -> RunError:
         return RunError("the words of a group of lanes end before its symbols do", "word")
     if status == LEFT:
         return RunError("words of a group of lanes are left over", "word")
-    if status == RAW:
+    if status == BITS:
         return RunError("the raw bits do not end at the words, or bits that are left are not 0", "raw bits")
     lane = STATE - status
     message = (
@@ -131,5 +131,5 @@ def run_status(lanes: Lanes, late: int) -> int:
             return STATE - lane
     used = lanes.bit[0] + late - 16 * carried
     if 2 * lanes.taken[groups - 1] + (used + 7) // 8 != lanes.size or raw_value(lanes.raw, used, -used % 8):
-        return RAW
+        return BITS
     return 0
