@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 
 {
-  const { number, bytes, parameter, element } = GSVC.words;
+  const { number, bytes, parameter, quality, element } = GSVC.words;
   const CHROMA = ["R′G′B′", "4:2:0", "4:2:2", "4:4:4"];
   const TYPES = { I: "I, a whole picture", P: "P, predicted from the one before", R: "R, the one before again" };
   const PARTS = { // parts of a frame, in the order in which they are stacked
@@ -69,10 +69,14 @@ globalThis.GSVC ??= {};
     ["coder", `${lanes(header.lane_count)}, ${header.entropy_precision} bits`],
   ];
 
-  const mainTools = ({ lane_count: most, layer_count: layers }) => [
-    ["coder", `${most === 1 ? "" : "at most "}${lanes(most)}`],
+  const mainTools = ({ max_lane_exponent: most, layer_count: layers, points }) => [
+    ["coder", `${most === 0 ? "" : "at most "}${lanes(2 ** most)}`],
     ["layers", layers === 1 ? "none" : `${layers - 1} above the base`],
+    ...(layers === 1 ? [] : [["qualities", points.map(pointInWords).join("; ")]]),
   ];
+
+  const pointInWords = ({ level, halvings }, n) =>
+    `${quality(n)}: level ${level}${halvings > 0 ? ` at 1/${2 ** halvings} of the size` : ""}`;
 
   /** What a body of profile main says of all its splats. */
   function codingInWords({ quantizer, step, lanes: count, motionCell }) {
@@ -80,10 +84,25 @@ globalThis.GSVC ??= {};
     return `D ${number(step, 2)} (quantizer ${quantizer}), ${lanes(count)}${field}`;
   }
 
+  /** A row of facts for each layer of a frame, in their order. */
+  function layerFacts({ type, layers, carried, lacking }) {
+    const coded = layers.map(({ layer, type: layerType, byteLength, coding }) => {
+      const field = layerType === "P" && coding.motionCell === 0 ? ", motion of the base" : "";
+      const told = coding ? `: ${codingInWords(coding)}${field}` : "";
+      return [layer, `${layerType}, ${number(byteLength)} bytes${told}`];
+    });
+    const rows = [
+      ...coded,
+      ...carried.map((layer) => [layer, type === "R" ? "stays as it was: no bytes" : "moves with the base: no bytes"]),
+      ...lacking.map((layer) => [layer, element("span", { class: "lacking" }, "lost, and not shown before its next I")]),
+    ];
+    return rows.sort(([one], [other]) => one - other).map(([layer, told]) => [`layer ${layer}`, told]);
+  }
+
   /** Facts about the frame at n, shown at `time`; `psnr`: undefined if it was not measured, null if the source lacks it. */
   function frameFacts(n, frames, time, psnr) {
     const frame = frames[n];
-    const { type, splatCount, newCount, survivorCount, size, layers } = frame;
+    const { type, splatCount, newCount, survivorCount, size } = frame;
     const before = type === "P" ? frames[n - 1].splatCount : 0;
     const gone = before - survivorCount;
     const facts = [
@@ -98,11 +117,7 @@ globalThis.GSVC ??= {};
     if (psnr !== undefined) facts.push(["PSNR", psnr === null ? "the source has no such frame" : decibels(psnr)]);
     if (splatCount > 0) facts.push(["bits a splat", number((8 * size) / splatCount, 1)]);
     if (frame.coding) facts.push(["steps", codingInWords(frame.coding)]);
-    for (const { layer, type: layerType, byteLength, coding } of layers) {
-      const told = coding ? `: ${codingInWords(coding)}` : "";
-      facts.push([`layer ${layer}`, `${layerType}, ${number(byteLength)} bytes${told}`]);
-    }
-    return facts;
+    return [...facts, ...layerFacts(frame)];
   }
 
   /** Where the bits of a frame went: a bar of parts, and a list of them. */

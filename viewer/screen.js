@@ -180,7 +180,7 @@ globalThis.GSVC ??= {};
       style.visibility = this.shown.picture ? "" : "hidden";
       this.element.classList.toggle("bare", !this.shown.picture);
       const large = width * height > MAX_PIXELS || Math.max(width, height) > LONGEST_SIDE;
-      if (large || (this.sharp && scale * density > 1)) { // the splats, drawn at the page's resolution
+      if (large || (this.sharp && scale * density !== 1)) { // the splats, drawn at the page's resolution
         this.#sizePicture(...this.#pixels(density));
         Object.assign(style, { width: "100%", height: "100%", transform: "", imageRendering: "" });
         return { ...this.video, scale: scale * density, left, top };

@@ -5,6 +5,7 @@ globalThis.GSVC ??= {};
 {
   const PAD = 8; // half of the slider's thumb: where its middle can go, bars stand
   const WIDEST = 14;
+  const LACKS = 3; // the height of the mark of a frame that lacks a layer
   const TYPES = { I: "whole picture", P: "predicted", R: "repeated" };
 
   GSVC.Timeline = class {
@@ -31,7 +32,8 @@ globalThis.GSVC ??= {};
         const at = this.#frameAt(event.offsetX);
         const frame = this.frames[at];
         const told = frame ? `frame ${frame.number}, ${frame.type}: ${GSVC.words.bytes(frame.size)}${this.more(at)}` : "";
-        chart.title = told + (frame?.missing ? `; before it ${frame.missing} are missing` : "");
+        const lacking = frame?.lacking.length ? `; it lacks layer ${frame.lacking.join(" and ")}` : "";
+        chart.title = told + lacking + (frame?.missing ? `; before it ${frame.missing} are missing` : "");
       });
     }
 
@@ -45,7 +47,9 @@ globalThis.GSVC ??= {};
       const told = counts.filter(([, count]) => count > 0).map(([type, count]) => `${count} ${type} (${TYPES[type]})`);
       this.most = frames.reduce((most, { size }) => Math.max(most, size), 1);
       const missing = GSVC.words.missingInWords(frames, missingAtEnd, "; missing: ");
-      const label = `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes${missing}`;
+      const lacking = frames.filter((frame) => frame.lacking.length > 0).length;
+      const incomplete = lacking > 0 ? `; ${lacking} without a layer` : "";
+      const label = `Bytes of each frame: ${told.join(", ")}; at most ${this.most} bytes${missing}${incomplete}`;
       this.chart.setAttribute("aria-label", label);
       this.show(number);
     }
@@ -108,11 +112,14 @@ globalThis.GSVC ??= {};
       const colors = getComputedStyle(chart);
       const gap = frames.length > 1 ? this.place(1) - this.place(0) : Infinity;
       const wide = Math.min(Math.max(gap * 0.8, 1), WIDEST);
-      for (const [number, { type, size }] of this.#bars(width)) {
+      for (const [number, { type, size, lacking }] of this.#bars(width)) {
         const high = Math.max((size / this.most) * (height - 1), 2);
         context.fillStyle = colors.getPropertyValue(`--frame-${type}`);
         context.globalAlpha = number === this.number ? 1 : 0.62;
         context.fillRect(this.place(number) - wide / 2, height - high, wide, high);
+        if (lacking.length === 0) continue;
+        context.fillStyle = colors.getPropertyValue("--bad");
+        context.fillRect(this.place(number) - wide / 2, 0, wide, LACKS);
       }
       context.globalAlpha = 1;
       if (frames.length === 0) return;

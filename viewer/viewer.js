@@ -3,7 +3,7 @@
 globalThis.GSVC ??= {};
 
 {
-  const { number, faultInWords, levelInWords, element, tell } = GSVC.words;
+  const { number, faultInWords, levelInWords, quality, element, tell } = GSVC.words;
   const { ofFile, ofText, ofBytes, named, viewed } = GSVC.inputs;
   const $ = (id) => document.getElementById(id);
   const state = { file: null, opening: null, shown: 0, waiting: null }; // shown: where the frame on the screen stands
@@ -129,8 +129,12 @@ globalThis.GSVC ??= {};
     $("notice").replaceChildren(...all.map((line) => element("p", {}, line)));
   }
 
-  /** Open an input, up to a layer, unless another one is to be opened meanwhile. */
-  async function open(input, layer = BEST) {
+  /**
+   * Open an input, up to a layer, unless another one is to be opened meanwhile. Without a layer it is the best one of a
+   * level that is decoded without a question, if there is one.
+   */
+  async function open(input, asked = null) {
+    const layer = asked ?? BEST;
     state.opening?.abort();
     const { signal } = (state.opening = new AbortController());
     const { name, live = false } = input;
@@ -148,8 +152,10 @@ globalThis.GSVC ??= {};
       for await (const piece of input.pieces(signal)) {
         signal.throwIfAborted();
         reading.append(piece);
-        if (reading.start() && reading.header.level > MOST_LEVEL && !input.isAllowed) {
-          ask(input, layer, reading.header.level);
+        if (reading.start() && !input.isAllowed && levelOf(reading.header, layer) > MOST_LEVEL) {
+          const lower = reading.header.points.findLastIndex(({ level }) => level <= MOST_LEVEL);
+          if (asked === null && lower >= 0) return open(input, lower);
+          ask(input, layer, levelOf(reading.header, layer));
           return;
         }
         if (!live) continue;
@@ -171,6 +177,9 @@ globalThis.GSVC ??= {};
     }
     $("busy").hidden = true;
   }
+
+  /** The level of a stream up to a layer. */
+  const levelOf = ({ level, points }, layer) => points[Math.min(layer, points.length - 1)]?.level ?? level;
 
   /** Say why a stream is not decoded by itself; a button opens it anew, and decodes it. */
   function ask(input, layer, level) {
@@ -233,7 +242,7 @@ globalThis.GSVC ??= {};
     const { frames } = reading;
     if (frames.length === 0) return;
     $("busy").hidden = true;
-    if (state.file?.reading !== reading) show(input, reading, BEST);
+    if (state.file?.reading !== reading) show(input, reading, reading.quality);
     else if (reading.faultCount > 0) tellFaults(input, reading);
     $("layers").hidden = true; // until all is there
     player.extend(frames.length);
@@ -304,8 +313,7 @@ globalThis.GSVC ??= {};
   /** The choice of how many layers are shown above the base. */
   function offerLayers(count, layer) {
     $("layers").hidden = count === 1;
-    const words = (n) => (n === 0 ? "base" : `base + ${n}`);
-    $("layer").replaceChildren(...Array.from({ length: count }, (_, n) => element("option", { value: n }, words(n))));
+    $("layer").replaceChildren(...Array.from({ length: count }, (_, n) => element("option", { value: n }, quality(n))));
     $("layer").value = Math.min(layer, count - 1);
   }
 

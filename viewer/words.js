@@ -23,7 +23,6 @@ globalThis.GSVC ??= {};
 
   const RULES = { // the most likely rules; the others are about elements with values that they may not have
     "R-6.1-1": "This is no GSVC file: its first bytes are not those of one.",
-    "R-6.1-2": "The file is of another version of the format, or of another draft of it, which this viewer does not know.",
     "R-6.2-4": "The file breaks off: its end is missing.",
     "R-6.2-2": "Bytes were changed: the checksum of a chunk is wrong.",
     "R-6.2-1": "Bytes were changed: where a chunk should begin there is none.",
@@ -41,8 +40,12 @@ globalThis.GSVC ??= {};
     "R-5-4": "A frame takes more work than the stream's level allows.",
     "R-5-7": "A second takes more than the stream's level allows of one that keeps pace.",
     "R-5-8": "A stream that says it keeps pace goes too long without an I-frame.",
-    "R-15.13-1": "A layer of a frame is out of order, or is none that the header tells of.",
+    "R-5-9": "A quality takes more than the level that the header tells of it allows.",
+    "R-5-11": "The stream may use more lanes than its level allows.",
+    "R-15.13-1": "A layer of a frame is out of order, or is none that the frame names.",
     "R-15.13-2": "A layer does not begin with an I, or goes on behind a gap.",
+    "R-15.13-4": "A layer is that of another frame.",
+    "R-15.13-6": "A layer that a frame names is missing.",
     "R-8-1": "A splat has a parameter that is no finite number.",
   };
 
@@ -52,6 +55,18 @@ globalThis.GSVC ??= {};
     unsupported: "The file uses something that the format does not define yet.",
     limit: "The file asks for more than its level allows.",
   };
+
+  /** The version of a stream that this viewer does not read, by its `version_major`. */
+  function versionInWords(major) {
+    const draft = major - 128; // there are drafts from 129 on
+    const ours = GSVC.VERSION_MAJOR - 128;
+    const theirs = draft > 0 ? `draft ${draft}` : `version ${major}`;
+    const told = `The file is of ${theirs} of the format; this viewer reads draft ${ours}.`;
+    return draft > 0 && draft < ours ? `${told} It has to be encoded again.` : told;
+  }
+
+  /** The name of a quality: how many layers are added to the base. */
+  const quality = (layers) => (layers === 0 ? "base" : `base + ${layers}`);
 
   const MOST_RUNS = 6; // of missing frames that are listed
 
@@ -74,8 +89,9 @@ globalThis.GSVC ??= {};
    * @param {number} size of the file in bytes
    * @param {Object} reading what was read of it
    */
-  function faultInWords({ kind, rule, bit }, size, { frames, faultCount, missingAtEnd }) {
-    const what = size === 0 ? "The file is empty." : RULES[rule] ?? KINDS[kind];
+  function faultInWords({ kind, rule, bit }, size, { bytes: read, frames, faultCount, missingAtEnd }) {
+    const what = size === 0 ? "The file is empty." : rule === "R-6.1-2" ? versionInWords(read[8])
+      : RULES[rule] ?? KINDS[kind];
     const behind = frames.filter((frame) => 8 * frame.byteOffset > bit).length;
     const before = frames.length - behind;
     const rest = frames.length === 0 ? "No frame can be shown."
@@ -86,7 +102,10 @@ globalThis.GSVC ??= {};
     const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).`;
     const others = faultCount < 2 ? [] : [faultCount === 2 ? "One more fault follows."
       : `${number(faultCount - 1)} more faults follow.`];
-    return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), where, ...others];
+    const lacking = frames.filter((frame) => frame.lacking.length > 0).length;
+    const lack = lacking === 1 ? "frame lacks" : "frames lack";
+    const incomplete = lacking === 0 ? [] : [`${number(lacking)} ${lack} a layer.`];
+    return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), ...incomplete, where, ...others];
   }
 
   /** Why a stream of a high level is not decoded before somebody asks for it, as sentences. */
@@ -113,5 +132,5 @@ globalThis.GSVC ??= {};
     list.replaceChildren(...facts.flatMap(([term, ...told]) => [element("dt", {}, term), element("dd", {}, ...told)]));
   }
 
-  GSVC.words = { number, bytes, parameter, missingInWords, faultInWords, levelInWords, element, tell };
+  GSVC.words = { number, bytes, parameter, quality, missingInWords, faultInWords, levelInWords, element, tell };
 }

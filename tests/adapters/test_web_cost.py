@@ -49,10 +49,10 @@ for (const type of [Array, Object.getPrototypeOf(Int32Array)]) {
 """
 LOOKED_AT = """
 globalThis.counted = { work: 0, checksums: 0 }; // splats whose boxes were found, and whose parameters were summed up
-const { renderingWork } = GSVC;
-GSVC.renderingWork = (parameters, ...size) => {
-  globalThis.counted.work += parameters.length / 8;
-  return renderingWork(parameters, ...size);
+const { mainWork } = GSVC.main;
+GSVC.main.mainWork = (states, ...size) => {
+  globalThis.counted.work += states.length / 8;
+  return mainWork(states, ...size);
 };
 const { setFloat32 } = DataView.prototype;
 DataView.prototype.setFloat32 = function (...given) {
@@ -94,6 +94,6 @@ def test_splats_that_are_repeated_are_looked_at_once(tmp_path, layered):
         head = main_header(LEVEL, *largest_picture(LEVEL), parameter_checksum_flag=1)
         first = main_frames(head, LEVELS[LEVEL].splats, 0)
         data = write_stream(head, first + [type(first[0]).repeated_frame()] * 6)
-    splats, looked_at = read(tmp_path, data, ("reconstruction.js", LOOKED_AT))
+    splats, looked_at = read(tmp_path, data, ("main_splats.js", LOOKED_AT))
     assert splats == [LEVELS[LEVEL].splats] * 7
     assert looked_at == {"work": LEVELS[LEVEL].splats, "checksums": LEVELS[LEVEL].splats}

@@ -93,10 +93,10 @@ def test_drawing(drawing_page, view):
       copy.drawImage(canvas, 0, 0);
       const pixels = copy.getImageData(0, 0, 61, 43).data;
 
-      // (9-8), and moved by hand.
-      const {{ scale, left, top }} = view;
-      const moved = parameters.map((value, k) =>
-        [(value - left) * scale, (value - top) * scale, value * scale, value * scale, value * scale][k % 8] ?? value);
+      // (9-8), or (9-9) where it is smaller, and moved by hand.
+      const {{ width, height, scale, left, top }} = view;
+      const scaled = GSVC.scaleParametersFiltered(parameters, width, height, width * scale, height * scale);
+      const moved = scaled.map((value, k) => value - ([left * scale, top * scale][k % 8] ?? 0));
       const frame = GSVC.toFrameDeterministic(GSVC.renderSumDeterministic(moved, 61, 43), 8);
       let worst = 0;
       let transparent = 0;

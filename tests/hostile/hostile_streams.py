@@ -17,7 +17,7 @@ from gsvc_ref.main.densities import Densities, Density
 from gsvc_ref.main.motion import field_shape
 from gsvc_ref.testing import write_stream
 
-PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 81 00")
+PREFIX: Final = bytes.fromhex("89 47 53 56 43 0D 0A 1A 82 00")
 STAGES: Final = 8
 CODEWORDS: Final = 1024
 CHOLESKY_BITS: Final = 12
@@ -126,7 +126,14 @@ def repeated(number: int) -> bytes:
 def main_header(level: int, width: int, height: int, **others: int) -> SequenceHeader:
     """A header of profile `main` with all lanes and layers that there may be."""
     return SequenceHeader(
-        profile=MAIN, level=level, width=width, height=height, bit_depth=8, lane_count=64, layer_count=4, **others
+        profile=MAIN,
+        level=level,
+        width=width,
+        height=height,
+        bit_depth=8,
+        max_lane_exponent=6,
+        layer_count=4,
+        **others,
     )
 
 

@@ -90,11 +90,12 @@ def files_viewer():
         (lambda data: data[:-30], ["breaks off", "frames before it are whole", "R-6.2-4"]),
         (lambda data: data[:-60] + bytes([data[-60] ^ 1]) + data[-59:], ["checksum of a chunk is wrong", "R-6.2-2"]),
         (lambda data: b"RIFF" + data[4:], ["is no GSVC file", "No frame can be shown", "R-6.1-1"]),
-        (lambda data: data[:8] + b"\x02" + data[9:], ["another version", "another draft", "R-6.1-2"]),
+        (lambda data: data[:8] + b"\x02" + data[9:], ["is of version 2", "reads draft 2", "R-6.1-2"]),
+        (lambda data: data[:8] + b"\x81" + data[9:], ["is of draft 1", "encoded again", "R-6.1-2"]),
         (lambda data: b"", ["file is empty", "example.gsvc is still shown"]),
         (lambda data: data + b"more", ["bytes behind the end", "R-6.1-4"]),
     ],
-    ids=["cut", "flipped", "other", "version", "empty", "longer"],
+    ids=["cut", "flipped", "other", "version", "draft", "empty", "longer"],
 )
 def test_what_is_wrong_with_a_file_is_said(files_viewer, tmp_path, damage, words):
     page = files_viewer

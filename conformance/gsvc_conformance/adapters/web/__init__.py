@@ -136,9 +136,9 @@ def reconstruct_layers(stream: bytes, layer: int) -> Values:
     return ask("reconstruct_layers", stream=stream, layer=layer)
 
 
-def encode_run(starts: Any, frequencies: Any, lanes: Any, lane_count: int) -> Values:
-    """Lane states and words of the symbols of a frame (R-15.6-3)."""
-    return ask("encode_run", starts=starts, frequencies=frequencies, lanes=lanes, lane_count=lane_count)
+def encode_run(**inputs: Any) -> Values:
+    """Lane states, words and raw bits of the symbols and raw values of a frame (R-15.6-3)."""
+    return ask("encode_run", **inputs)
 
 
 def density_frequencies(edges: Any, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Values:
@@ -151,6 +151,11 @@ def density_frequencies(edges: Any, centre: int, density_family: int, scale_code
         scale_code=scale_code,
         unit_bits=unit_bits,
     )
+
+
+def window_frequencies(centre: int, step: int, density_family: int, scale_code: int) -> Values:
+    """The window of a plane of shapes (15-7): cumulative frequencies, first bin and low bits."""
+    return ask("window_frequencies", centre=centre, step=step, density_family=density_family, scale_code=scale_code)
 
 
 def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) -> Values:
@@ -198,10 +203,27 @@ def state_parameters(state: Any) -> Values:
     return ask("state_parameters", state=state)
 
 
+def main_work(**inputs: Any) -> Values:
+    """The rendering work of splats by their states (5-2)."""
+    return ask("main_work", **inputs)
+
+
 def scale_parameters(parameters: Any, width: int, height: int, new_width: int, new_height: int) -> Values:
     """The splats for another size (9-8)."""
     return ask(
         "scale_parameters",
+        parameters=parameters,
+        width=width,
+        height=height,
+        new_width=new_width,
+        new_height=new_height,
+    )
+
+
+def scale_parameters_filtered(parameters: Any, width: int, height: int, new_width: int, new_height: int) -> Values:
+    """The splats for another size, filtered where it is smaller (9-9)."""
+    return ask(
+        "scale_parameters_filtered",
         parameters=parameters,
         width=width,
         height=height,

@@ -6,16 +6,19 @@ globalThis.GSVC ??= {};
   const kinds = {
     malformed: "R-3.1-1 R-3.1-3 R-6.1-1 R-6.2-1 R-6.2-2 R-6.2-3 R-6.2-4 R-6.6-6 R-7-1",
     unsupported: "R-3.2-1 R-6.1-2 R-6.5-1 R-6.6-1",
-    limit: "R-5-1 R-5-2 R-5-3 R-5-4 R-5-7 R-5-8 R-9.4-2",
+    limit: "R-5-1 R-5-2 R-5-3 R-5-4 R-5-7 R-5-8 R-5-9 R-5-11 R-9.4-2",
   };
   for (const [kind, rules] of Object.entries(kinds)) for (const rule of rules.split(" ")) KIND_OF_RULE[rule] = kind;
 
-  /** The first rule that a stream breaks: its kind (12.1), its id, and the offset of the element at fault in bits. */
+  /**
+   * The first rule that a stream breaks: its kind (12.1), its id, and the offset of the element at fault in bits. The chunk
+   * there may be sound, and only come too fast or behind one that is missing.
+   */
   class Fault extends Error {
-    constructor(rule, bit) {
+    constructor(rule, bit, { isSound = false } = {}) {
       const kind = KIND_OF_RULE[rule] ?? "invalid";
       super(`${kind} ${rule} ${bit}`);
-      Object.assign(this, { kind, rule, bit });
+      Object.assign(this, { kind, rule, bit, isSound });
     }
   }
 

@@ -7,6 +7,7 @@ globalThis.GSVC ??= {};
 {
   const { boxOf, roundHalfEven } = GSVC;
   const fl = Math.fround;
+  const SMALLEST_NORMAL = 2 ** -126;
   // JavaScript has no hexadecimal fractions: these are the bits of section 9.3.
   const [K, K1, K2, K3, K4, K5] = new Float32Array(
     Uint32Array.of(0x41315208, 0xbd7fffe4, 0x3afff978, 0xb82a3d40, 0x3524c79f, 0xb1c84634).buffer,
@@ -100,5 +101,32 @@ globalThis.GSVC ??= {};
     return parameters.map((value, i) => value * factors[i % 8]); // storing rounds
   }
 
-  Object.assign(GSVC, { finished, renderingSteps, renderSumDeterministic, toFrameDeterministic, toFrame, scaleParameters });
+  /** (9-9): the splats for bounded rendering at another size, filtered by the pixels of a smaller one. */
+  function scaleParametersFiltered(parameters, width, height, newWidth, newHeight) {
+    const scaled = parameters.slice();
+    const [a, e] = [newWidth / width, newHeight / height];
+    const vx = Math.max(0, (width - newWidth) * (width + newWidth)) / (12 * width * width);
+    const vy = Math.max(0, (height - newHeight) * (height + newHeight)) / (12 * height * height);
+    for (let at = 0; at < scaled.length; at += 8) {
+      const isDrawn = parameters[at + 2] >= SMALLEST_NORMAL && parameters[at + 4] >= SMALLEST_NORMAL; // R-9.4-3
+      const l11 = a * parameters[at + 2];
+      const l21 = e * parameters[at + 3];
+      const l22 = e * parameters[at + 4];
+      const m11 = isDrawn ? Math.sqrt(l11 * l11 + vx) : l11;
+      const m22 = isDrawn ? Math.sqrt(l22 * l22 + vy + (l21 * l21 * vx) / (m11 * m11)) : l22;
+      const weaker = isDrawn ? (l11 / m11) * (l22 / m22) : 1;
+      scaled[at] *= a;
+      scaled[at + 1] *= e;
+      scaled[at + 2] = m11;
+      scaled[at + 3] = isDrawn ? l21 * (l11 / m11) : l21;
+      scaled[at + 4] = m22;
+      for (let c = 5; c < 8; c++) scaled[at + c] *= weaker;
+    }
+    return scaled;
+  }
+
+  Object.assign(GSVC, {
+    finished, renderingSteps, renderSumDeterministic, toFrameDeterministic, toFrame, scaleParameters,
+    scaleParametersFiltered,
+  });
 }

@@ -2,53 +2,58 @@
 "use strict";
 globalThis.GSVC ??= {};
 {
-  const { Fault, main } = GSVC;
+  const { Fault, main, checkLimit } = GSVC;
   const { FAMILIES, CLASS_MOST, MAGNITUDE_CLASSES, SIDES, CELL, REMOVED, Run, FrameModels } = main;
+  const { lowBitsOf, magnitudesOf, signsOf, sign } = main;
   const ALPHAS = [1, 2, 3, 4, 6, 10, 20, 100];
   const PLANES = ["luma", "chroma1", "chroma2", "size", "aspect", "shear"];
   const SLOPED = ["chroma1", "chroma2", "size", "aspect"];
   const GROUPS = [["position", 0, 2], ["shape", 2, 5], ["color", 5, 8]]; // of differences, by the bit of the mode
 
+  const MOST_EXPONENT = 12; // of lanes; greater ones are reserved
+  const MOST_QUANTIZER = 79; // greater ones are reserved
+  const NO_FIELD = { columns: 0, rows: 0, vectors: new Int32Array(0), side: 0 };
+
   /**
-   * What the profile carries from frame to frame: states and past of the splats, models, and densities or null. Nothing
-   * changes one: a frame makes another.
+   * What the profile carries from frame to frame: states and past of the splats, models, densities and quantizer or null.
+   * Nothing changes one: a frame makes another.
    */
-  const newMainState = () =>
-    ({ splats: new Int32Array(0), past: new Uint8Array(0), models: main.FIRST_MODELS, densities: null });
+  const newMainState = () => ({
+    splats: new Int32Array(0), past: new Uint8Array(0), models: main.FIRST_MODELS, densities: null, quantizer: null,
+  });
 
   /** The halvings of a frame: two for each doubling of its cells. */
   const halvingCount = (width, height) =>
     2 * main.bitLength(Math.max(Math.ceil(width / CELL), Math.ceil(height / CELL)) - 1);
 
   /**
-   * frame_body(type): its elements by name, with count, vectors, modes and differences; `after`, the state behind it;
+   * frame_body(type): its elements by name, with count, field, modes and differences; `after`, the state behind it;
    * and `bits`, the code lengths of the parts of its run, with those of its densities.
    *
-   * `before` is the state behind the frame before, `header` the sequence header, and `mostSplats` what the level allows.
+   * `before` is the state behind the frame before; `state`, that of the stream, has header and limits, and `noted` as of
+   * Run. Of a layer, `otherSplats` are those that the level counts beside its own, and `inherited` is the field that it has
+   * without one of its own: that of the base.
    */
-  function readBody(p, type, before, header, mostSplats) {
+  function readBody(p, type, before, state, { otherSplats = 0, inherited = NO_FIELD } = {}) {
     const start = type === "I" ? newMainState() : before;
+    const { header, noted } = state;
     const { width, height } = header;
     const referenceCount = start.past.length;
-    const body = readTools(p, referenceCount, header.lane_count);
-    body.count = p.uv();
-    if (body.count + referenceCount > mostSplats) throw new Fault("R-5-2", p.element);
-    checkDensities(body, type, start);
+    const body = readTools(p, type, start, state, otherSplats);
     const densitiesBit = p.position();
     const densities = body.densities_present ? readDensities(p, halvingCount(width, height)) : start.densities;
     body.bits = { densities: p.position() - densitiesBit };
-    Object.assign(body, { vectors: new Int32Array(0), modes: new Int32Array(0), differences: new Int32Array(0) });
-    body.after = { ...start, densities };
+    Object.assign(body, { field: NO_FIELD, modes: new Int32Array(0), differences: new Int32Array(0) });
+    body.after = { ...start, densities, quantizer: body.quantizer };
     if (body.count + referenceCount === 0) return body;
-    const run = new Run(p, body.lane_exponent, body.bits);
+    const run = new Run(p, body.lane_exponent, body.bits, noted);
     const D = main.stepOf(body.quantizer);
-    if (referenceCount > 0) Object.assign(body.after, readPredicted(run, start, body, D, width, height));
-    if (body.count > 0) {
-      const added = readIntra(run, body.count, D, width, height, densities);
-      body.after.splats = joined(Int32Array, body.after.splats, added);
-      body.after.past = joined(Uint8Array, body.after.past, new Uint8Array(body.count).fill(type === "I" ? 0 : 2));
-    }
-    run.finish();
+    const parts = [];
+    if (referenceCount > 0) parts.push(readPredicted(run, start, body, D, header, inherited));
+    if (body.count > 0) parts.push(readIntra(run, body, D, header, type === "I" ? 0 : 2));
+    const ends = run.passes(parts);
+    const values = run.finish(ends.flatMap(({ late }) => late));
+    for (const { late, finish } of ends) finish(body, values.splice(0, late.length));
     return body;
   }
 
@@ -59,25 +64,34 @@ globalThis.GSVC ??= {};
     return all;
   }
 
-  /** The elements of a body before its count. */
-  function readTools(p, referenceCount, laneCount) {
-    const body = {};
-    body.quantizer = p.le(1);
-    if (body.quantizer > 79) throw new Fault("R-3.2-1", p.element);
-    body.lane_exponent = p.u(3);
-    if (2 ** body.lane_exponent > laneCount) throw new Fault("R-15.5-1", p.element);
+  /** The elements of a body before its densities. */
+  function readTools(p, type, start, state, otherSplats) {
+    const body = { quantizer: start.quantizer, densities_present: 0, count: 0 };
+    const referenceCount = start.past.length;
+    body.lane_exponent = p.u(4);
+    if (body.lane_exponent > MOST_EXPONENT) throw new Fault("R-3.2-1", p.element);
+    if (body.lane_exponent > state.header.max_lane_exponent) throw new Fault("R-15.5-1", p.element);
     body.motion_cell = p.u(2);
     if (body.motion_cell > 0 && referenceCount === 0) throw new Fault("R-15.5-2", p.element);
-    body.densities_present = p.u(1);
-    body.densitiesBit = p.element;
-    if (p.u(2) !== 0) throw new Fault("R-3.2-1", p.element); // frame_reserved
+    body.quantizer_present = p.u(1);
+    if (type === "I" && !body.quantizer_present) throw new Fault("R-15.5-5", p.element);
+    const newPresent = p.u(1);
+    if (body.quantizer_present) {
+      body.quantizer = p.le(1);
+      if (body.quantizer > MOST_QUANTIZER) throw new Fault("R-3.2-1", p.element);
+    }
+    if (newPresent) {
+      const number = p.uv();
+      body.count = Math.floor(number / 2) + 1;
+      body.densities_present = number % 2;
+    }
+    const countBit = p.element;
+    checkLimit("R-5-2", "splats", countBit, state, body.count + referenceCount + otherSplats);
+    if (body.count > 0 && !body.densities_present) {
+      if (type === "I") throw new Fault("R-15.5-3", countBit);
+      if (start.densities === null) throw new Fault("R-15.5-4", countBit);
+    }
     return body;
-  }
-
-  function checkDensities({ densities_present: present, count, densitiesBit }, type, start) {
-    const wrong = present ? count === 0 : count > 0 && type === "I";
-    if (wrong) throw new Fault("R-15.5-3", densitiesBit);
-    if (!present && count > 0 && start.densities === null) throw new Fault("R-15.5-4", densitiesBit);
   }
 
   /** densities(): of each plane T, scaleCode, centre and slope; and `alphas`, that of each halving. */
@@ -94,13 +108,14 @@ globalThis.GSVC ??= {};
     return densities;
   }
 
-  /** The cells of splats, halving by halving (15.8): columns and rows. */
-  function readCells(run, count, width, height, alphas) {
+  /** The cells of splats, a halving a pass (15.8): columns and rows. */
+  function* readCells(run, count, width, height, alphas) {
     const inside = [Math.ceil(width / CELL), Math.ceil(height / CELL)];
     let size = 2 ** (alphas.length / 2);
     let counts = Int32Array.of(count); // of the splats of each part, none of which is empty
     let origins = [Int32Array.of(0), Int32Array.of(0)]; // the first column and the first row of each
-    alphas.forEach((alpha, halving) => {
+    for (const [halving, alpha] of alphas.entries()) {
+      run.begin("cells");
       const axis = halving % 2;
       if (axis === 0) size /= 2;
       const seconds = new Int32Array(counts.length);
@@ -124,7 +139,8 @@ globalThis.GSVC ??= {};
       }
       counts = halves.subarray(0, many);
       origins = places.map((column) => column.subarray(0, many));
-    });
+      yield;
+    }
     return origins.map((column) => repeated(column, counts, count));
   }
 
@@ -135,107 +151,147 @@ globalThis.GSVC ??= {};
     return all;
   }
 
-  /** The states of the splats of an I-frame, or of new ones (15.9). */
-  function readIntra(run, count, D, width, height, densities) {
-    run.begin("cells");
-    const cells = readCells(run, count, width, height, densities.alphas);
+  /**
+   * The passes of the splats of an I-frame, or of new ones (15.9), which all get this `past`. Returns, as all such
+   * generators do, its `late` raw values as of Run, and `finish`, which takes them and completes the body.
+   */
+  function* readIntra(run, { count, after: { densities } }, D, { width, height }, past) {
+    const cells = yield* readCells(run, count, width, height, densities.alphas);
     run.begin("luma");
     const { luma } = densities;
-    const { q, magnitudes } = run.magnitudes([main.magnitudeDensity(luma, luma.centre)], new Int32Array(count));
-    const colors = [run.signed(magnitudes)];
+    const q = run.symbols([main.magnitudeDensity(luma, luma.centre)], new Int32Array(count));
+    const colors = [magnitudesOf(q, run.early(lowBitsOf(q)))];
+    yield;
     run.begin("chroma");
-    for (const plane of ["chroma1", "chroma2"]) {
+    const classes = ["chroma1", "chroma2"].map((plane) => {
       const { centre, slope } = densities[plane];
       const tables = Array.from({ length: MAGNITUDE_CLASSES }, (_, of) =>
-        main.magnitudeDensity(densities[plane], centre + Math.floor((slope * of) / 4)));
-      colors.push(run.signed(run.magnitudes(tables, q).magnitudes));
-    }
-    const j = main.classesOfCodes(colors, D);
-    const shapes = [["size", main.sizeStep], ["aspect", main.sizeStep], ["shear", main.shearStep]].map(([plane, h]) => {
-      run.begin(plane);
-      return readWindowed(run, densities[plane], h, j);
+        main.magnitudeDensity(densities[plane], centre + ((slope * of) >> 2)));
+      return run.symbols(tables, q);
     });
-    run.begin("place");
-    const places = [1, -1].map((sign) => run.rawBits(main.placeBits(shapes, j, sign)));
-    return main.intraStates({ cells, colors, shapes, places }, D);
-  }
-
-  /** The codes of size, aspect or shear, of splats of the classes j: bins, and low bits. */
-  function readWindowed(run, density, h, j) {
-    const windows = Array.from({ length: CLASS_MOST + 1 }, (_, of) =>
-      main.windowDensity(density, 64 * density.centre + 16 * density.slope * of, h(of)));
-    const codes = run.symbols(windows.map(({ C }) => C), j);
-    const sizes = new Uint8Array(j.length);
-    for (let i = 0; i < sizes.length; i++) sizes[i] = windows[j[i]].lowBits;
-    const low = run.rawBits(sizes);
-    for (let i = 0; i < codes.length; i++) codes[i] = ((codes[i] + windows[j[i]].first) << sizes[i]) + low[i];
-    return codes;
-  }
-
-  /** What a P-frame says of the splats of the frame before; the splats, past and models that they become. */
-  function readPredicted(run, start, body, D, width, height) {
-    const models = new FrameModels(start.models);
-    const side = SIDES[body.motion_cell];
-    let motion = new Int32Array(2 * start.past.length);
-    let field = null;
-    if (side > 0) {
-      run.begin("motion");
-      field = readField(run, models, width, height, side);
-      body.vectors = field.vectors;
-      motion = main.fieldMotion(start.splats, field, side);
+    for (const of of classes) colors.push(magnitudesOf(of, run.early(lowBitsOf(of))));
+    yield;
+    const j = main.classesOfCodes(colors, D);
+    const [size, aspect, shear] = [["size", main.sizeStep], ["aspect", main.sizeStep], ["shear", main.shearStep]]
+      .map(([plane, h]) => readWindowed(run, plane, densities[plane], h, j));
+    for (const { plane, codes, lowBits } of [size, aspect]) {
+      run.begin(plane);
+      addLowBits(codes, lowBits, run.early(lowBits));
     }
-    run.begin("modes");
-    const contexts = main.modeContexts(start.splats, start.past, motion, field, side, width, height);
-    body.modes = models.symbols(run, "mode", contexts);
-    body.differences = readDifferences(run, models, body.modes);
+    const shapes = [size.codes, aspect.codes, shear.codes];
+    const signs = colors.map((magnitudes, i) => [i === 0 ? "luma" : "chroma", signsOf(magnitudes)]);
+    const places = [1, -1].map((axis) => ["place", main.placeBits(shapes, j, axis)]);
     return {
-      splats: main.addDifferences(start.splats, motion, body.modes, body.differences, D),
-      past: main.pastOf(body.modes),
-      models: models.adapted(),
+      late: [...signs, ["shear", shear.lowBits], ...places],
+      finish({ after }, [...values]) {
+        colors.forEach((magnitudes, i) => sign(magnitudes, values[i]));
+        addLowBits(shear.codes, shear.lowBits, values[3]);
+        const splats = main.intraStates({ cells, colors, shapes, places: values.slice(4) }, D);
+        after.splats = joined(Int32Array, after.splats, splats);
+        after.past = joined(Uint8Array, after.past, new Uint8Array(count).fill(past));
+      },
     };
   }
 
-  /** The field (15.10): columns, rows, and the vectors row by row. */
-  function readField(run, models, width, height, side) {
-    const [columns, rows] = main.fieldSize(width, height, side);
-    const x = models.magnitudes(run, "vector", new Int32Array(columns * rows));
-    const y = models.magnitudes(run, "vector", x.q.map((q) => (q === 0 ? 1 : q <= 2 ? 2 : q <= 7 ? 3 : 4)));
-    const vectors = new Int32Array(2 * columns * rows);
-    [run.signed(x.magnitudes), run.signed(y.magnitudes)].forEach((steps, axis) => {
-      steps.forEach((step, cell) => {
-        const from = cell % columns > 0 ? cell - 1 : cell - columns; // to the left, or above in the first column
-        const before = from < 0 ? 0 : vectors[2 * from + axis];
-        vectors[2 * cell + axis] = ((before + step) << 16) >> 16; // -2^15 .. 2^15 - 1
-      });
-    });
-    return { columns, rows, vectors };
+  /** The codes of size, aspect or shear, of splats of the classes j, without their low bits; and how many they have. */
+  function readWindowed(run, plane, density, h, j) {
+    run.begin(plane);
+    const windows = Array.from({ length: CLASS_MOST + 1 }, (_, of) =>
+      main.windowDensity(density, 64 * density.centre + 16 * density.slope * of, h(of)));
+    const codes = run.symbols(windows.map(({ C }) => C), j);
+    const lowBits = new Uint8Array(j.length);
+    for (let i = 0; i < codes.length; i++) {
+      const { lowBits: r, first } = windows[j[i]];
+      lowBits[i] = r;
+      codes[i] = (codes[i] + first) << r;
+    }
+    return { plane, codes, lowBits };
   }
 
-  /** The differences q, 8 of each splat of the frame before. */
-  function readDifferences(run, models, modes) {
-    const q = new Int32Array(8 * modes.length);
-    GROUPS.forEach(([group, first, end], bit) => {
-      run.begin(group);
-      const changed = splatsWith(modes, bit);
-      const before = new Int32Array(changed.length); // the sums of the magnitudes of the components before
-      const contexts = new Int32Array(changed.length);
-      const columns = [];
-      for (let i = 0; i < end - first; i++) {
-        if (i > 0) for (let k = 0; k < before.length; k++) contexts[k] = 3 * (i - 1) + 1 + Math.min(before[k], 2);
-        const { magnitudes } = models.magnitudes(run, group, contexts);
-        const isLast = i === end - first - 1; // it is not 0 where all before it are
-        for (let k = 0; k < before.length; k++) {
-          if (isLast && before[k] === 0) magnitudes[k] += 1;
-          before[k] += magnitudes[k];
-        }
-        columns.push(magnitudes);
+  function addLowBits(codes, lowBits, low) {
+    for (let i = 0; i < codes.length; i++) codes[i] |= low[i];
+  }
+
+  /** The passes of what a P-frame says of the splats of the frame before; in the end what they become. */
+  function* readPredicted(run, start, body, D, { width, height }, inherited) {
+    const models = new FrameModels(start.models);
+    const side = SIDES[body.motion_cell];
+    if (side > 0) body.field = yield* readField(run, models, width, height, side);
+    else yield* [null, null]; // two passes without a symbol
+    const field = side > 0 ? body.field : inherited;
+    const motion = main.fieldMotion(start.splats, field);
+    run.begin("modes");
+    const contexts = main.modeContexts(start.splats, start.past, motion, field, width, height);
+    const modes = (body.modes = models.symbols(run, "mode", contexts));
+    yield;
+    const components = yield* readDifferences(run, models, modes);
+    return {
+      late: components.flatMap(({ part, q, signs }) => [[part, lowBitsOf(q)], [part, signs]]),
+      finish({ after }, values) {
+        const differences = (body.differences = new Int32Array(8 * modes.length));
+        components.forEach(({ q, changed, isLast, column, isOneMore }, i) => {
+          const magnitudes = magnitudesOf(q, values[2 * i]);
+          if (isLast) for (let k = 0; k < magnitudes.length; k++) magnitudes[k] += isOneMore[k];
+          sign(magnitudes, values[2 * i + 1]);
+          for (let k = 0; k < magnitudes.length; k++) differences[8 * changed[k] + column] = magnitudes[k];
+        });
+        after.splats = main.addDifferences(start.splats, motion, modes, differences, D);
+        after.past = main.pastOf(modes);
+        after.models = models.adapted();
+      },
+    };
+  }
+
+  /** The two passes of the field (15.10): columns, rows, side, and the vectors row by row. */
+  function* readField(run, models, width, height, side) {
+    const [columns, rows] = main.fieldSize(width, height, side);
+    const vectors = new Int32Array(2 * columns * rows);
+    let contexts = new Int32Array(columns * rows);
+    for (let axis = 0; axis < 2; axis++) {
+      run.begin("motion");
+      const q = models.symbols(run, "vector", contexts);
+      const magnitudes = magnitudesOf(q, run.early(lowBitsOf(q)));
+      const steps = sign(magnitudes, run.early(signsOf(magnitudes)));
+      for (let cell = 0; cell < steps.length; cell++) {
+        const from = cell % columns > 0 ? cell - 1 : cell - columns; // to the left, or above in the first column
+        const before = from < 0 ? 0 : vectors[2 * from + axis];
+        vectors[2 * cell + axis] = ((before + steps[cell]) << 16) >> 16; // -2^15 .. 2^15 - 1
       }
-      columns.forEach((magnitudes, i) => {
-        const values = run.signed(magnitudes);
-        for (let k = 0; k < values.length; k++) q[8 * changed[k] + first + i] = values[k];
-      });
+      contexts = q.map((of) => (of === 0 ? 1 : of <= 2 ? 2 : of <= 7 ? 3 : 4));
+      yield;
+    }
+    return { columns, rows, vectors, side };
+  }
+
+  /**
+   * The passes of the differences, a component of each group in each, but for their low bits and signs: of each component,
+   * group by group, the classes `q` of the splats `changed`, whether their magnitudes are one more, and their signs.
+   */
+  function* readDifferences(run, models, modes) {
+    const groups = GROUPS.map(([part, first, end], bit) => {
+      const changed = splatsWith(modes, bit);
+      return { part, first, end, changed, sums: new Int32Array(changed.length), components: [] };
     });
-    return q;
+    for (let i = 0; i < 3; i++) {
+      for (const { part, first, end, changed, sums, components } of groups) {
+        if (i === end - first) continue;
+        run.begin(part);
+        const contexts = new Int32Array(changed.length);
+        if (i > 0) for (let k = 0; k < sums.length; k++) contexts[k] = 3 * (i - 1) + 1 + Math.min(sums[k], 2);
+        const q = models.symbols(run, part, contexts);
+        const isOneMore = new Uint8Array(q.length);
+        const signs = new Uint8Array(q.length);
+        const isLast = i === end - first - 1; // it is not 0 where all before it are
+        for (let k = 0; k < q.length; k++) {
+          isOneMore[k] = isLast && sums[k] === 0 ? 1 : 0;
+          signs[k] = q[k] + isOneMore[k] === 0 ? 0 : 1;
+          sums[k] += q[k]; // at least 2 where the magnitude is
+        }
+        components.push({ part, q, changed, isLast, column: first + i, isOneMore, signs });
+      }
+      if (i < 2) yield;
+    }
+    return groups.flatMap(({ components }) => components);
   }
 
   /** The splats that have differences of a group, by the bit of their mode. */
@@ -259,5 +315,5 @@ globalThis.GSVC ??= {};
     return survivors;
   }
 
-  Object.assign(main, { newMainState, readBody, toldOf });
+  Object.assign(main, { NO_FIELD, newMainState, readBody, toldOf });
 }

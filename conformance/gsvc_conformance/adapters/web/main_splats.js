@@ -5,15 +5,16 @@
 globalThis.GSVC ??= {};
 {
   const { main } = GSVC;
-  const { powerOfTwo, exp2, stepOf, classOf } = main;
-  const fl = Math.fround;
+  const { EXP2, exp2, stepOf, classOf, bitLength } = main;
   const SIDES = [0, 64, 32, 16]; // of the cells of a field, by `motion_cell`
   const CELL = 4; // pixels, of an I-frame
-  const [X_MOST, A_LEAST, A_MOST, S_MOST, N_MOST] = [2 ** 25, -3072, 13311, 32767, 2 ** 28];
+  const [X_MOST, A_LEAST, A_MOST, S_MOST, N_MOST] = [2 ** 24, -3072, 13311, 32767, 2 ** 28];
   const STEP_MOST = 2 ** 17 - 1;
   const REMOVED = 8;
-  // MAIN_K1, MAIN_K2 and MAIN_K3 of section 15.4 by their bits.
-  const [K1, K2, K3] = new Float32Array(Uint32Array.of(0x38a76e2b, 0x38cd0f39, 0x386cc843).buffer);
+  const [K1, K2, K3] = [42862, 52495, 30308]; // of (15-5)
+  const REACH = 54544; // of (5-2), in 2^-14
+  const FILTER_REACH = [0, 427, 953, 1953]; // F of (5-2), by the number of halvings
+  const POWERS = Float64Array.from({ length: 64 }, (_, i) => 2 ** (i - 48)); // looked up: 2 ** k is a call of a function
 
   // Functions of all splats have loops and no array or object of a single splat: a frame has up to 2^22 of them.
 
@@ -30,25 +31,76 @@ globalThis.GSVC ??= {};
     return j;
   }
 
-  /** The parameters of states (15-5). */
+  const powerOfTwo = (k) => POWERS[k + 48];
+
+  /** A number p, of 32 bits without a sign, to 24 bits: to nearest, ties to even; times 2^exponent. */
+  function rounded(p, exponent) {
+    const e = Math.max(0, bitLength(p) - 24);
+    const q = e === 0 ? p : (p + (1 << (e - 1)) - 1 + ((p >>> e) & 1)) >>> e;
+    return q * powerOfTwo(e + exponent); // exact in binary32
+  }
+
+  /** A colour of (15-5): T in 2^exponent, times G in 2^-15. */
+  function colorOf(T, G, exponent) {
+    const size = Math.abs(T);
+    const p = (Math.imul(size >> 15, G) + ((Math.imul(size & 0x7fff, G) >>> 15))) >>> 0;
+    return T < 0 ? -rounded(p, exponent) : rounded(p, exponent);
+  }
+
+  /** The parameters of states (15-5): each is an integer of 24 bits times a power of two, and nothing rounds it. */
   function stateParameters(state) {
     const parameters = new Float32Array(state.length);
     for (let at = 0; at < state.length; at += 8) {
-      const l22 = powerOfTwo(state[at + 3]);
-      const g = powerOfTwo(-(state[at + 2] + state[at + 3]) >> 1);
-      const a = fl(fl(state[at + 5]) * K1);
-      const b = fl(fl(state[at + 6]) * K2);
-      const c = fl(fl(state[at + 7]) * K3);
-      parameters[at] = fl(state[at]) / 256;
-      parameters[at + 1] = fl(state[at + 1]) / 256;
-      parameters[at + 2] = powerOfTwo(state[at + 2]);
-      parameters[at + 3] = (state[at + 4] / 1024) * l22; // storing rounds
-      parameters[at + 4] = l22;
-      parameters[at + 5] = fl(fl(a + b) + c) * g;
-      parameters[at + 6] = fl(a - 2 * c) * g;
-      parameters[at + 7] = fl(fl(a - b) + c) * g;
+      const A = state[at + 2];
+      const B = state[at + 3];
+      const S = state[at + 4];
+      const n0 = state[at + 5];
+      const n1 = state[at + 6];
+      const n2 = state[at + 7];
+      const v = -(A + B) >> 1;
+      const G = EXP2[v & 1023];
+      const s = Math.max(0, bitLength(Math.max(Math.abs(n0), Math.abs(n1), Math.abs(n2))) - 14);
+      const low = (1 << s) - 1;
+      const P0 = (n0 >> s) * K1 + (((n0 & low) * K1) >> s);
+      const P1 = (n1 >> s) * K2 + (((n1 & low) * K2) >> s);
+      const P2 = (n2 >> s) * K3 + (((n2 & low) * K3) >> s);
+      const exponent = s + (v >> 10) - 29;
+      const l21 = rounded(Math.imul(Math.abs(S), EXP2[B & 1023]), (B >> 10) - 25);
+      parameters[at] = state[at] / 256;
+      parameters[at + 1] = state[at + 1] / 256;
+      parameters[at + 2] = EXP2[A & 1023] * powerOfTwo((A >> 10) - 15);
+      parameters[at + 3] = S < 0 ? -l21 : l21;
+      parameters[at + 4] = EXP2[B & 1023] * powerOfTwo((B >> 10) - 15);
+      parameters[at + 5] = colorOf(P0 + P1 + P2, G, exponent);
+      parameters[at + 6] = colorOf(P0 - 2 * P2, G, exponent);
+      parameters[at + 7] = colorOf(P0 - P1 + P2, G, exponent);
     }
     return parameters;
+  }
+
+  /** Where (5-2) has a box begin and end in one direction, and how many pixels that is. */
+  function pixelsAlong(place, reach, length, halvings) {
+    const end = Math.min(length, (place + reach + (256 << halvings) - 1) >> (8 + halvings));
+    return Math.max(0, end - Math.max(0, (place - reach) >> (8 + halvings)));
+  }
+
+  /** e of (5-2), of A or B. */
+  const reachOf = (logSize) => (Math.imul(EXP2[logSize & 1023], REACH) >>> (21 - (logSize >> 10))) + 1;
+
+  /** (5-2): how many (splat, pixel) pairs the boxes of states hold, in a frame that is halved so often. */
+  function mainWork(state, width, height, halvings = 0) {
+    const columns = Math.ceil(width / 2 ** halvings);
+    const rows = Math.ceil(height / 2 ** halvings);
+    const filter = FILTER_REACH[halvings];
+    let work = 0;
+    for (let at = 0; at < state.length; at += 8) {
+      const e = reachOf(state[at + 3]);
+      const m = 1024 + Math.abs(state[at + 4]);
+      const down = (e >> 10) * m + (((e & 1023) * m) >> 10) + 1;
+      work += pixelsAlong(state[at], reachOf(state[at + 2]) + filter, columns, halvings) *
+        pixelsAlong(state[at + 1], down + filter, rows, halvings);
+    }
+    return work;
   }
 
   /** n of colour codes. */
@@ -109,8 +161,12 @@ globalThis.GSVC ??= {};
   /** b: a cell of a field is 2^b wide, in 1/256 pixel. */
   const bitsOfCell = (side) => 31 - Math.clz32(256 * side);
 
-  /** (15-12): the motion of each splat, x and y in 1/256 pixel; a field has columns, rows and vectors. */
-  function fieldMotion(state, { columns, rows, vectors }, side) {
+  /**
+   * (15-12): the motion of each splat, x and y in 1/256 pixel. A field has columns, rows, vectors, and the side of its cells,
+   * which is 0 where there is none.
+   */
+  function fieldMotion(state, { columns, rows, vectors, side }) {
+    if (side === 0) return new Int32Array(state.length / 4);
     const b = bitsOfCell(side);
     const [lastI, lastJ] = [Math.max(columns - 2, 0), Math.max(rows - 2, 0)]; // of cells that have another one behind them
     const [right, below] = [columns > 1 ? 2 : 0, rows > 1 ? 2 * columns : 0]; // how far away that one stands
@@ -132,6 +188,17 @@ globalThis.GSVC ??= {};
     return motion;
   }
 
+  /** States that a field moves, and that nothing else changes. */
+  function movedBy(state, field) {
+    const motion = fieldMotion(state, field);
+    const after = state.slice();
+    for (let at = 0, from = 0; at < after.length; at += 8, from += 2) {
+      after[at] = clip(after[at] + motion[from], -X_MOST, X_MOST);
+      after[at + 1] = clip(after[at + 1] + motion[from + 1], -X_MOST, X_MOST);
+    }
+    return after;
+  }
+
   /** How much the vector of each cell differs from those of its neighbours. */
   function fieldUnrest({ columns, rows, vectors }) {
     const unrest = new Int32Array(columns * rows);
@@ -148,8 +215,9 @@ globalThis.GSVC ??= {};
     return unrest;
   }
 
-  /** The contexts of modes; `past` and `motion` are those of the splats of the frame before, side 0 means no field. */
-  function modeContexts(state, past, motion, field, side, width, height) {
+  /** The contexts of modes; `past` and `motion` are those of the splats of the frame before. */
+  function modeContexts(state, past, motion, field, width, height) {
+    const { side } = field;
     const unrest = side > 0 ? fieldUnrest(field) : null;
     const b = side > 0 ? bitsOfCell(side) : 0;
     const contexts = new Int32Array(past.length);
@@ -172,7 +240,9 @@ globalThis.GSVC ??= {};
 
   /** The first term of S in (15-13). */
   function sheared(S, v) {
-    const magnitude = Math.min(Math.floor(Math.abs(S) * powerOfTwo(v)), S_MOST);
+    const shift = (v >> 10) - 15;
+    const product = Math.abs(S) * EXP2[v & 1023]; // 0, or above S_MOST: what is shifted to the left is above it as well
+    const magnitude = Math.min(shift >= 0 ? product : product >> Math.min(-shift, 31), S_MOST);
     return S < 0 ? -magnitude : magnitude;
   }
 
@@ -199,9 +269,9 @@ globalThis.GSVC ??= {};
         const B = state[at + 3];
         const S = state[at + 4];
         const j = classOf(state[at + 5], state[at + 6], state[at + 7], D);
-        const gx = clip(exp2(A + 512 - 1024 * j, 256), 1, STEP_MOST);
-        const gy = clip(exp2(B + 512 - 1024 * j, 256), 1, STEP_MOST);
-        const gs = Math.min(Math.floor((Math.abs(S) * gy) / 1024), STEP_MOST);
+        const gx = clip(exp2(A + 512 - 1024 * j, 8), 1, STEP_MOST);
+        const gy = clip(exp2(B + 512 - 1024 * j, 8), 1, STEP_MOST);
+        const gs = Math.min(Math.imul(Math.abs(S), gy) >>> 10, STEP_MOST);
         const newA = clipSize(A + (q[at + 2] + q[at + 3]) * sizeStep(j));
         const newB = clipSize(B + (q[at + 2] - q[at + 3]) * sizeStep(j));
         after[to] = clip(movedX + q[at] * gx, -X_MOST, X_MOST);
@@ -224,7 +294,7 @@ globalThis.GSVC ??= {};
   }
 
   Object.assign(main, {
-    SIDES, CELL, REMOVED, sizeStep, shearStep, classesOf, stateParameters, classesOfCodes, placeBits,
-    intraStates, fieldSize, fieldMotion, modeContexts, addDifferences, pastOf,
+    SIDES, CELL, REMOVED, sizeStep, shearStep, classesOf, stateParameters, mainWork, classesOfCodes, placeBits,
+    intraStates, fieldSize, fieldMotion, movedBy, modeContexts, addDifferences, pastOf,
   });
 }

@@ -1,6 +1,7 @@
 // Profile main, numbers that every part of it uses: spec.md sections 15.3, 15.4 and 15.7.
 //
-// Products stay below 2^53, so plain numbers hold them exactly; Math.floor(x / 2 ** k) is x >> k, of negative x as well.
+// Integers of 32 bits: Math.imul where a product may pass 2^31, and >>> where it is of 32 bits without a sign. Quotients of
+// such integers are made by numbers of 53 bits, and cut: exactly.
 "use strict";
 globalThis.GSVC ??= {};
 {
@@ -12,19 +13,17 @@ globalThis.GSVC ??= {};
   // The number nearest to a half is 0.002 away from it: a power that is a little off is rounded to the same integer.
   const EXP2 = Uint16Array.from({ length: 1024 }, (_, i) => Math.round(2 ** (15 + i / 1024)));
 
-  const POWERS = Float64Array.from({ length: 128 }, (_, i) => 2 ** (i - 64)); // looked up: 2 ** k is a call of a function
-
-  /** 2^(v / 1024), which is exact in binary32. */
-  const powerOfTwo = (v) => EXP2[v & 1023] * POWERS[(v >> 10) - 15 + 64];
-
-  /** (15-2): 2^(v / 1024) in parts of 1 / unit, a power of two. */
-  const exp2 = (v, unit) => Math.floor(powerOfTwo(v) * unit);
+  /** (15-2): 2^(v / 1024) with k bits after the point. */
+  function exp2(v, k) {
+    const shift = (v >> 10) - 15 + k;
+    return shift >= 0 ? EXP2[v & 1023] << shift : EXP2[v & 1023] >> Math.min(-shift, 31);
+  }
 
   /** A distribution function in 2^-16 at 257 places, from those at 1 to 128 (15-3). */
   function distribution(lower) {
     const values = new Int32Array(257);
     for (let i = 1; i <= 128; i++) {
-      const value = lower(exp2(96 * (128 - i), 2 ** 15));
+      const value = lower(exp2(96 * (128 - i), 15));
       values[i] = value;
       values[256 - i] = 2 ** 16 - value;
     }
@@ -38,14 +37,14 @@ globalThis.GSVC ??= {};
   ];
 
   /** D of a `quantizer`, in 1/16. */
-  const stepOf = (quantizer) => Math.floor((EXP2[128 * (quantizer % 8)] * 2 ** Math.floor(quantizer / 8)) / 2 ** 12);
+  const stepOf = (quantizer) => (EXP2[128 * (quantizer & 7)] << (quantizer >> 3)) >> 12;
 
   /** The class j of a splat of the colour n (15-4). */
   function classOf(n0, n1, n2, D) {
     const half = D >> 1;
-    const k0 = Math.min(Math.floor((Math.abs(n0) + half) / D), 1024);
-    const k1 = Math.min(Math.floor((Math.abs(n1) + half) / D), 1024);
-    const k2 = Math.min(Math.floor((Math.abs(n2) + half) / D), 1024);
+    const k0 = Math.min(((Math.abs(n0) + half) / D) | 0, 1024);
+    const k1 = Math.min(((Math.abs(n1) + half) / D) | 0, 1024);
+    const k2 = Math.min(((Math.abs(n2) + half) / D) | 0, 1024);
     const energy = k0 * k0 + k1 * k1 + k2 * k2;
     return Math.min((32 - Math.clz32(energy)) >> 1, CLASS_MOST); // 2^(2 j - 1) has 2 j binary digits
   }
@@ -57,9 +56,9 @@ globalThis.GSVC ??= {};
    * @param {Int32Array} T one of FAMILIES
    */
   function cumulativeAt(i, bins, edge, centre, T, scaleCode, unitBits) {
-    const mantissa = EXP2[(-256 * scaleCode) & 1023];
-    const scaled = (edge - 2 * centre) * mantissa * POWERS[64 - (15 + ((scaleCode + 3) >> 2) - 11 + unitBits)];
-    const u = Math.min(Math.max(2 ** 15 + Math.floor(scaled), 0), 2 ** 16 - 1);
+    const mantissa = EXP2[(-256 * scaleCode) & 1023] >> 2;
+    const scaled = Math.imul(edge - 2 * centre, mantissa) >> (2 + ((scaleCode + 3) >> 2) + unitBits);
+    const u = Math.min(Math.max(2 ** 15 + scaled, 0), 2 ** 16 - 1);
     const place = u >> 8;
     const v = T[place] + (((T[place + 1] - T[place]) * (u & 255)) >> 8);
     return i + (((TOTAL - bins) * v) >> 16);
@@ -79,13 +78,13 @@ globalThis.GSVC ??= {};
 
   /** The window of (15-7) around a centre, in steps of h: C of its bins, how many low bits are raw, the first bin. */
   function windowDensity({ T, scaleCode }, centre, h) {
-    const scale = exp2(256 * scaleCode, 2 ** 4);
+    const scale = exp2(256 * scaleCode, 4);
     let r = 0;
-    while (16 * scale > MOST_BINS * h * 2 ** r) r += 1;
-    const width = h * 2 ** r;
+    while (16 * scale > MOST_BINS * (h << r)) r += 1;
+    const width = h << r;
     const first = Math.floor((centre - 8 * scale) / width);
     const last = Math.ceil((centre + 8 * scale) / width);
-    const edgeOf = (i) => (2 * (first + i) * 2 ** r - 1) * h;
+    const edgeOf = (i) => (((2 * (first + i)) << r) - 1) * h;
     return { C: density(last - first + 1, edgeOf, centre, T, scaleCode, 4), lowBits: r, first };
   }
 
@@ -96,10 +95,11 @@ globalThis.GSVC ??= {};
   function halfDensity(n, p, q, alpha) {
     const lowBits = Math.max(0, bitLength(n) - 9);
     const m = n >> lowBits;
-    const b = Math.floor((256 * p) / (p + q));
-    const v = Math.floor((m * b * (256 - b) * (2 * alpha + m) * 1245) / ((2 * alpha + 1) * 2 ** 16));
+    const b = ((256 * p) / (p + q)) | 0;
+    const t = (((2 * alpha + m) * 1245) / (2 * alpha + 1)) | 0;
+    const v = Math.imul((m * b * (256 - b)) >> 9, t) >>> 7;
     const e = bitLength(Math.max(v, 1)) - 1;
-    const scaleCode = 2 * e + (e > 0 ? Math.floor(v * POWERS[64 - (e - 1)]) % 2 : 0);
+    const scaleCode = 2 * e + (e > 0 ? (v >> (e - 1)) & 1 : 0);
     return { m, centre: (m * b) >> 2, scaleCode, lowBits };
   }
 
@@ -139,7 +139,7 @@ globalThis.GSVC ??= {};
   const bitLength = (value) => 32 - Math.clz32(value);
 
   GSVC.main = {
-    TOTAL, MAGNITUDE_CLASSES, CLASS_MOST, EXP2, FAMILIES, powerOfTwo, exp2, stepOf, classOf, density, magnitudeDensity,
+    TOTAL, MAGNITUDE_CLASSES, CLASS_MOST, EXP2, FAMILIES, exp2, stepOf, classOf, density, magnitudeDensity,
     windowDensity, isBetaBinomial, halfDensity, cumulativeOfHalf, halves, betaBinomial, bitLength,
   };
 }

@@ -3,14 +3,13 @@
 globalThis.GSVC ??= {};
 
 {
-  const { Fault, Bits, main, summary, readChunk, readStart, readFrames, completeFrame, finished } = GSVC;
+  const { Fault, Bits, summary, readChunk, readStart, readFrames, waitingFrame, completeFrame, finished } = GSVC;
   const MAX_KEPT = 2 ** 26; // bytes of splats that a stream keeps to seek from
   const BEST = 3; // the highest layer that a stream can have
   const LONGEST_STEP = 30; // milliseconds for which a page may stand still
   const MOST_FAULTS = 20; // that are kept
   const SCANNED = 4096; // bytes that are looked at in a step
   const CUT = "R-6.2-4";
-  const OF_A_SECOND = ["R-5-7", "R-5-8"]; // a frame that breaks one of these, and no other, is sound
 
   /** States to go on from, of every `step`-th frame: as many as fit into `most` bytes. */
   class KeptStates {
@@ -62,12 +61,10 @@ globalThis.GSVC ??= {};
   class StreamReading {
     constructor({ quality = BEST, mostKept = MAX_KEPT, salvage = false } = {}) {
       Object.assign(this, { quality, salvage, header: null, frames: [], faults: [], faultCount: 0 });
-      Object.assign(this, { done: false, missingAtEnd: 0, size: 0, complete: false, lost: false, interrupted: null });
+      Object.assign(this, { done: false, missingAtEnd: 0, size: 0, complete: false, lost: false });
       this.buffer = new Uint8Array(0);
       this.states = new KeptStates(mostKept);
       this.tried = -1; // the byte at which reading went on behind a fault
-      this.hopped = 0; // where the next chunk begins whose end has not come
-      this.lastFrame = 0; // where the last chunk of a frame begins
       this.searchFrom = null; // where the search goes on for a chunk to go on with
     }
 
@@ -96,9 +93,9 @@ globalThis.GSVC ??= {};
       if (!this.start()) return;
       const { s, state } = this;
       while (!this.done) {
-        s.data = this.#readable();
+        s.data = this.bytes;
         try {
-          if (this.searchFrom !== null && !(yield* this.#search())) return;
+          if (this.searchFrom !== null && !(yield* this.#search())) break;
           for (const frame of readFrames(s, state)) {
             this.#add(frame);
             yield s.at / 8;
@@ -115,17 +112,18 @@ globalThis.GSVC ??= {};
           else this.#goOnBehind(fault);
         }
       }
+      if (!this.done) return;
+      for (const frame of waitingFrame(state)) this.#add(frame);
     }
 
     /** The prefix and the sequence header, before any frame is decoded; whether they are there and sound. */
     start() {
       if (this.header !== null || this.done) return this.header !== null;
       try {
-        const { s, state } = readStart(this.bytes);
+        const { s, state } = readStart(this.bytes, this.quality);
         Object.assign(this, { s, state, header: state.header });
-        if (this.quality > 0 && this.header.layer_count > 1) state.layers = new main.Layers(this.quality);
+        if (this.header.points.length === 0) state.layers = null; // no chunk is one of a layer
         this.states.add(0, state);
-        this.hopped = this.lastFrame = s.at / 8;
         return true;
       } catch (fault) {
         if (!(fault instanceof Fault)) throw fault;
@@ -137,24 +135,10 @@ globalThis.GSVC ??= {};
       }
     }
 
-    /** The bytes that can be read: where layers are wanted, of whole frames, since no chunk says that it is the last. */
-    #readable() {
-      const { bytes, state } = this;
-      if (this.complete || state.layers === null) return bytes;
-      const chunks = new GSVC.WholeChunks(bytes, state.limits.payload);
-      for (let payload; (payload = chunks.payload(this.hopped)) && payload.end + 4 <= bytes.length; ) {
-        if ("IPRE".includes(String.fromCharCode(bytes[this.hopped]))) this.lastFrame = this.hopped;
-        this.hopped = payload.end + 4;
-      }
-      return bytes.subarray(0, this.lastFrame);
-    }
-
     #add(frame) {
       const told = summary(frame);
       const missing = frame.number - ((this.frames.at(-1)?.number ?? -1) + 1);
       if (missing > 0) told.missing = missing;
-      if (this.interrupted) told.interrupted = this.interrupted;
-      this.interrupted = null;
       this.frames.push(told);
       this.states.add(this.frames.length, this.state);
     }
@@ -166,14 +150,15 @@ globalThis.GSVC ??= {};
 
     // ---- behind a fault
 
-    #goOnBehind({ rule }) {
+    #goOnBehind({ isSound }) {
       const { s, state } = this;
       state.framesCounted = -1; // what is behind a fault may come as fast as it likes
-      if (OF_A_SECOND.includes(rule)) {
+      if (isSound) {
         s.at = state.chunkBit;
         return;
       }
       this.searchFrom = state.chunkBit / 8;
+      if (state.layers) state.layers.damaged = true;
     }
 
     /** Go to a chunk that can be gone on with; whether there is one. */
@@ -195,8 +180,9 @@ globalThis.GSVC ??= {};
         const again = 8 * at === state.chunkBit; // this is the chunk at fault
         const wanted = number !== null && at !== this.tried && (!again || number > due) &&
           (type === "I" ? number >= due : number === due && !this.lost);
-        if (wanted) {
-          this.#goOnAt(at, number);
+        const isOfWaiting = type === "n" && state.waiting !== null && !again && !this.lost; // another layer
+        if (wanted || isOfWaiting) {
+          this.#goOnAt(at, number ?? due);
           return true;
         }
         if (type === "E" && this.#endsWith(bytes.subarray(begin, next - 4))) return false;
@@ -217,7 +203,6 @@ globalThis.GSVC ??= {};
       state.chunkBit = 8 * at;
       state.nextNumber = number;
       state.indexLength = 0;
-      this.interrupted = state.layers?.interrupt() ?? null;
       Object.assign(this, { tried: at, lost: false, searchFrom: null });
     }
 
@@ -292,8 +277,8 @@ globalThis.GSVC ??= {};
   /** A frame that was read before, with its layers. */
   function frameAgain(bytes, told, state) {
     state.nextNumber = told.number;
-    if (told.interrupted) state.layers.interrupt(told.interrupted); // the layers that stayed
     const frame = completeFrame(chunkOf(bytes, told), state);
+    if (state.layers) state.layers.lost = told.lacking;
     for (const layer of told.layers) state.layers.read(chunkOf(bytes, layer), layer.byteLength, state);
     state.layers?.finish();
     return frame;
@@ -332,8 +317,9 @@ globalThis.GSVC ??= {};
    * @returns {{header: ?Object, frames: Object[], fault: ?Object, frame: function(number): Object}}
    *   header: the elements of the sequence header by name, or null if it is at fault.
    *   frames: of each complete frame number, type, splatCount, newCount, survivorCount; byteOffset and byteLength of its
-   *     chunk; layers: layer, type, byteOffset, byteLength and coding of each chunk of one; size: the bytes of all these
-   *     chunks; coding: null, or of profile main quantizer, step (D), lanes and motionCell (pixels, 0 for none); and
+   *     chunk; layers: layer, type, byteOffset, byteLength and coding of each chunk of one; carried, lacking: the layers
+   *     that are there without a chunk, and those that damage has taken; size: the bytes of all these chunks; coding: null,
+   *     or of profile main quantizer, step (D), lanes and motionCell (pixels, 0 for none); and
    *     planeBits: how many bits tell positions, cholesky, colors, other, of profile paper codebooks and survivors, of
    *     profile main motion, modes and densities.
    *   fault: null, or kind, rule, bit and message of the first fault; the frames are those before it.

@@ -3,8 +3,8 @@
 globalThis.GSVC ??= {};
 {
   const { Bits, Fault, readPlane, encodeSymbols, halfValues, halfBits, reconstructIntra, reconstructInter } = GSVC;
-  const { parameterChecksum, renderingWork, readStart, readFrames, framesBetween, framesWithLayers, toFrame, scaleParameters } = GSVC;
-  const { renderSumDeterministic, toFrameDeterministic, main } = GSVC;
+  const { parameterChecksum, renderingWork, readStart, readFrames, framesBetween, framesWithLayers, toFrame } = GSVC;
+  const { scaleParameters, scaleParametersFiltered, renderSumDeterministic, toFrameDeterministic, main } = GSVC;
 
   /** An operation can't do what its inputs ask for. */
   class Unsupported extends Error {}
@@ -49,16 +49,17 @@ globalThis.GSVC ??= {};
   const statesOf = (given) => Int32Array.from(given.data, Number);
 
   /** A field of vectors (rows, columns, 2). */
-  const fieldOf = ({ data, shape: [rows, columns] }) => ({ rows, columns, vectors: Int32Array.from(data, Number) });
+  const fieldOf = ({ data, shape: [rows, columns] }, motionCell) =>
+    ({ rows, columns, vectors: Int32Array.from(data, Number), side: main.SIDES[motionCell] });
 
   /** The columns of an array (N, k). */
   function columnsOf({ data, shape: [count, width] }) {
     return Array.from({ length: width }, (_, c) => Int32Array.from({ length: count }, (_, i) => Number(data[width * i + c])));
   }
 
-  /** The rows of an array, as arrays of numbers. */
+  /** The rows of an array of counts. */
   const rowsOf = ({ data, shape: [count, width] }) =>
-    Array.from({ length: count }, (_, i) => Float64Array.from(data.subarray(width * i, width * (i + 1)), Number));
+    Array.from({ length: count }, (_, i) => Uint32Array.from(data.subarray(width * i, width * (i + 1)), Number));
 
   /** Counts and parameters of frames, up to the Fault that ends them, if one does. */
   function splatsOf(frames) {
@@ -157,16 +158,27 @@ globalThis.GSVC ??= {};
 
     async read_main_stream({ stream }) {
       const { s, state } = readStart(stream);
-      return describedMain(state.header, [...readFrames(s, state)]);
+      state.noted = [];
+      return describedMain(state.header, [...readFrames(s, state)], state.noted);
     },
 
     async reconstruct_layers({ stream, layer }) {
       return splatsOf(framesWithLayers(stream, layer));
     },
 
-    async encode_run({ starts, frequencies, lanes, lane_count }) {
-      const coded = main.encodeRun(numbers(starts), numbers(frequencies), numbers(lanes), lane_count);
-      return { lane_states: list(coded.laneStates, "<u4"), words: list(coded.words, "<u2") };
+    async encode_run(inputs) {
+      const named = (names) => Object.fromEntries(names.map(([name, input]) => [name, numbers(inputs[input])]));
+      const coded = main.encodeRun({
+        ...named([["starts", "starts"], ["frequencies", "frequencies"], ["lanes", "lanes"], ["early", "early"],
+          ["earlySizes", "early_sizes"], ["late", "late"], ["lateSizes", "late_sizes"]]),
+        laneCount: inputs.lane_count,
+      });
+      return {
+        lane_states: list(coded.laneStates, "<u4"),
+        word_counts: list(coded.wordCounts, "<i8"),
+        words: list(coded.words, "<u2"),
+        tail: list(coded.tail, "|u1"),
+      };
     },
 
     async density_frequencies({ edges, centre, density_family, scale_code, unit_bits }) {
@@ -174,6 +186,12 @@ globalThis.GSVC ??= {};
       const T = main.FAMILIES[density_family];
       const C = main.density(inner.length + 1, (i) => inner[i - 1], centre, T, scale_code, unit_bits);
       return { cumulative: list(C, "<i8") };
+    },
+
+    async window_frequencies({ centre, step, density_family, scale_code }) {
+      const { C, first, lowBits } =
+        main.windowDensity({ T: main.FAMILIES[density_family], scaleCode: scale_code }, centre, step);
+      return { cumulative: list(C, "<i8"), first: single(first, "<i8"), low_bits: single(lowBits, "<i8") };
     },
 
     async half_frequencies({ count, first_half, second_half, alpha }) {
@@ -193,9 +211,8 @@ globalThis.GSVC ??= {};
     },
 
     async mode_contexts({ width, height, state, past, motion, vectors, motion_cell }) {
-      const side = main.SIDES[motion_cell];
       const contexts = main.modeContexts(
-        statesOf(state), numbers(past), numbers(motion), fieldOf(vectors), side, width, height);
+        statesOf(state), numbers(past), numbers(motion), fieldOf(vectors, motion_cell), width, height);
       return { contexts: list(contexts, "<i8") };
     },
 
@@ -211,7 +228,7 @@ globalThis.GSVC ??= {};
     },
 
     async motion_of_splats({ state, vectors, motion_cell }) {
-      const motion = main.fieldMotion(statesOf(state), fieldOf(vectors), main.SIDES[motion_cell]);
+      const motion = main.fieldMotion(statesOf(state), fieldOf(vectors, motion_cell));
       return { motion: rows(motion, 2, "<i8") };
     },
 
@@ -226,8 +243,17 @@ globalThis.GSVC ??= {};
       return { parameters: rows(main.stateParameters(statesOf(state)), 8, "<f4") };
     },
 
+    async main_work({ state, width, height, halvings = 0 }) {
+      return { work: single(main.mainWork(statesOf(state), width, height, halvings), "<i8") };
+    },
+
     async scale_parameters({ parameters, width, height, new_width, new_height }) {
       return { parameters: rows(scaleParameters(parameters.data, width, height, new_width, new_height), 8, "<f4") };
+    },
+
+    async scale_parameters_filtered({ parameters, width, height, new_width, new_height }) {
+      const scaled = scaleParametersFiltered(parameters.data, width, height, new_width, new_height);
+      return { parameters: rows(scaled, 8, "<f4") };
     },
   };
 
@@ -252,7 +278,7 @@ globalThis.GSVC ??= {};
   }
 
   /** What read_stream lists (12.4). */
-  function described(header, frames) {
+  function described({ points, ...header }, frames) {
     const blocksOf = (frame) => [frame.inter, frame.intra].filter(Boolean);
     const blocks = frames.flatMap((frame) => blocksOf(frame).map((block) => ({ number: frame.number, ...block })));
     const own = blocks.filter((block) => block.flags.codebooks);
@@ -277,20 +303,21 @@ globalThis.GSVC ??= {};
   }
 
   /** What read_main_stream lists (15.12). */
-  function describedMain(header, frames) {
+  function describedMain({ points, ...header }, frames, symbols) {
     const told = frames.filter(({ body }) => body !== null);
     const bodies = told.map(({ body }) => body);
     const row = ({ number, body }) =>
       [number, body.quantizer, body.lane_exponent, body.motion_cell, body.densities_present, body.count];
     return {
-      header: list(Object.values(header), "<i8"),
+      header: list([...Object.values(header), ...points.flatMap(({ level, halvings }) => [level, halvings])], "<i8"),
       frame_types: list(frames.map((frame) => frame.type.charCodeAt(0)), "|u1"),
       counts: list(frames.map(({ parameters }) => parameters.length / 8), "<i8"),
       bodies: rows(told.flatMap(row), 6, "<i8"),
-      fields: rows(joined("<f8", bodies.map(({ vectors }) => vectors)), 2, "<i8"),
+      fields: rows(joined("<f8", bodies.map(({ field }) => field.vectors)), 2, "<i8"),
       modes: list(joined("<f8", bodies.map(({ modes }) => modes)), "<i8"),
       differences: rows(joined("<f8", bodies.map(({ differences }) => differences)), 8, "<i8"),
       states: rows(joined("<f8", frames.map(({ after }) => after.splats)), 8, "<i8"),
+      symbols: rows(symbols, 4, "<u2"),
     };
   }
 

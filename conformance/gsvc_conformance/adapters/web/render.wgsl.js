@@ -37,7 +37,7 @@ GSVC.RENDER_WGSL = /* wgsl */ `
 struct View {
     origin: vec2<u32>,    // column and row of the first pixel made here: a large frame is made in bands of rows
     extent: vec2<u32>,    // columns and rows made here
-    scale: vec2<f32>,     // a and e of (9-8): (1, 1) for the coded size
+    scale: vec2<f32>,     // a and e of (9-8), and of (9-9) below 1: (1, 1) for the coded size
     shift: vec2<f32>,     // added to the scaled centres, in pixels: minus left and top of a zoomed view, else (0, 0)
     splat_count: u32,     // of this slice
     peak: f32,            // 2^bit_depth - 1
@@ -109,6 +109,21 @@ fn span(centre: f32, reach: f32, origin: u32, extent: u32) -> vec2<u32> {
     return vec2<u32>(u32(first) / TILE, (u32(end) + TILE - 1u) / TILE);
 }
 
+// The root of p p + q q, of which none may leave the range; the greater one is not 0.
+fn norm(p: f32, q: f32) -> f32 {
+    let large = max(abs(p), abs(q));
+    let ratio = min(abs(p), abs(q)) / large;
+    return large * sqrt(1.0 + ratio * ratio);
+}
+
+// l11, l21, l22 of (9-9), and the factor of the colour, of those of (9-8).
+fn filtered(l11: f32, l21: f32, l22: f32) -> vec4<f32> {
+    let widths = sqrt(max((1.0 - view.scale) * (1.0 + view.scale), vec2<f32>()) / 12.0);    // the roots of v
+    let m11 = norm(l11, widths.x);
+    let m22 = norm(norm(l22, widths.y), l21 * (widths.x / m11));
+    return vec4<f32>(m11, l21 * (l11 / m11), m22, l11 / m11 * (l22 / m22));
+}
+
 @compute @workgroup_size(64)
 fn prepare(@builtin(global_invocation_id) id: vec3<u32>) {
     let n = id.x;
@@ -121,11 +136,19 @@ fn prepare(@builtin(global_invocation_id) id: vec3<u32>) {
         bits[k] = parameters[8u * n + k];
         drawn = drawn && (k >= 5u || is_finite(bits[k]));
     }
+    drawn = drawn && is_factor(bits[2]) && is_factor(bits[4]);
     let centre = bitcast<vec2<f32>>(vec2<u32>(bits[0], bits[1])) * view.scale + view.shift;    // (9-8)
-    let l11 = bitcast<f32>(bits[2]) * view.scale.x;
-    let l21 = bitcast<f32>(bits[3]) * view.scale.y;
-    let l22 = bitcast<f32>(bits[4]) * view.scale.y;
-    let color = bitcast<vec3<f32>>(vec3<u32>(bits[5], bits[6], bits[7]));
+    var l11 = bitcast<f32>(bits[2]) * view.scale.x;
+    var l21 = bitcast<f32>(bits[3]) * view.scale.y;
+    var l22 = bitcast<f32>(bits[4]) * view.scale.y;
+    var color = bitcast<vec3<f32>>(vec3<u32>(bits[5], bits[6], bits[7]));
+    if (drawn && any(view.scale < vec2<f32>(1.0))) {
+        let smoothed = filtered(l11, l21, l22);
+        l11 = smoothed.x;
+        l21 = smoothed.y;
+        l22 = smoothed.z;
+        color *= smoothed.w;
+    }
     if (!drawn || !is_factor(bitcast<u32>(l11)) || !is_factor(bitcast<u32>(l22))) {    // degenerate: covers nothing
         spans[n] = vec2<u32>(0u, 0u);
         spans[view.splat_count + n] = vec2<u32>(0u, 0u);

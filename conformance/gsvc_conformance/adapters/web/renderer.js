@@ -14,7 +14,7 @@ globalThis.GSVC ??= {};
    *   sum(parameters, width, height) gives a promise of the sums (9-2) of a frame, H W 3 numbers, before the clamp.
    *   draw(parameters, view) draws a part of a frame, clamped and rounded, over the canvas. view: width, height of the
    *   frame; left, top: the place of it, in its pixels, that is seen at the upper left corner of the canvas; scale:
-   *   how many pixels of the canvas one of its pixels is; bitDepth. What is outside of the frame stays transparent. It
+   *   how many pixels of the canvas one of its pixels is, below 1 filtered (9-9); bitDepth. What is outside of the frame stays transparent. It
    *   gives a promise, to wait for before drawing again.
    *   parameters: Float32Array of x, y, l11, l21, l22, R, G, B for each splat.
    */
@@ -30,7 +30,7 @@ globalThis.GSVC ??= {};
     throw new Error(`${kind === "auto" ? "no renderer works in this browser: " : ""}${faults.join("; ")}`);
   };
 
-  /** (9-8) for a view, and what is added to the centres after it. */
+  /** (9-8), or (9-9) where it is smaller, for a view, and what is added to the centres after it. */
   GSVC.placed = ({ scale, left, top }) => ({ scale, shift: [-left * scale, -top * scale] });
 
   /** The part of a canvas that shows the frame: first column and row, columns, rows. */

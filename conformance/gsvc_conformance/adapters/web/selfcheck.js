@@ -8,16 +8,16 @@ globalThis.GSVC ??= {};
   const CLASSES = { // those of a decoder (13.1)
     bitstream: [
       "read_stream", "decode_plane", "encode_plane", "reconstruct_stream", "read_main_stream", "encode_run",
-      "density_frequencies", "half_frequencies", "model_frequencies", "adapt_model", "mode_contexts",
+      "density_frequencies", "window_frequencies", "half_frequencies", "model_frequencies", "adapt_model", "mode_contexts",
     ],
     reconstruction: [
       "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum", "rendering_work",
-      "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters",
+      "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters", "main_work",
     ],
     rendering: ["render_sum", "to_frame", "render_frame", "decode_stream"],
     deterministic: ["render_sum_deterministic", "to_frame_deterministic", "decode_stream_deterministic"],
     seeking: ["seek"],
-    sizes: ["scale_parameters"],
+    sizes: ["scale_parameters", "scale_parameters_filtered"],
     layers: ["reconstruct_layers"],
   };
 

@@ -4,14 +4,20 @@ globalThis.GSVC ??= {};
 {
   const { Fault, LEVELS, LONGEST_HEADER, MAIN, readPrefix, readChunk, readSequenceHeader, main } = GSVC;
   const { readFrame, readFrameHead } = GSVC;
-  const { checkIndex, checkEnd, checkSecond, reconstructIntra, reconstructInter } = GSVC;
+  const { checkIndex, checkEnd, checkLimit, checkSecond, addToSecond, reconstructIntra, reconstructInter } = GSVC;
   const { areFinite, renderingWork, parameterChecksum } = GSVC;
+  const LAYERS = 0b1110; // bits of `layer_mask`
 
   /** What a decoder carries from chunk to chunk. */
   class State {
-    constructor(header) {
+    /** @param {number} quality that is wanted of a stream with layers, 0 being the base */
+    constructor(header, quality = 0) {
       this.header = header;
       this.limits = LEVELS[header.level];
+      this.point = pointOf(header, quality); // the operating point, or null where the level says all
+      this.layers = quality > 0 && header.profile === MAIN ? new main.Layers(quality) : null;
+      this.waiting = null; // a frame that may get layers
+      this.noted = null; // gets all symbols of profile main, as Run says, if somebody wants them
       this.nextNumber = 0;
       this.chunkBit = 0; // where the chunk that is read begins: a fault is about it
       this.indexLength = 0; // bytes of the chunk directly before, if it is an index
@@ -20,14 +26,13 @@ globalThis.GSVC ??= {};
       this.bytesWaiting = 0; // bytes of the chunks behind the frame before
       this.lastIFrame = 0; // its number
       this.main = main.newMainState(); // what profile main carries
-      this.layers = null; // the Layers of profile main, if layers are wanted
       this.forget();
     }
 
     /** What an I-frame of profile paper begins with: no splats, nothing kept. */
     forget() {
       this.parameters = new Float32Array(0);
-      this.work = 0; // of these splats, in pairs
+      this.work = this.pointWork = 0; // of these splats, in pairs
       this.checksum = null; // and their checksum, if the stream has some
       this.kept = { intra: {}, inter: {} };
     }
@@ -43,19 +48,27 @@ globalThis.GSVC ??= {};
       const copy = Object.assign(Object.create(State.prototype), this);
       copy.kept = { intra: { ...this.kept.intra }, inter: { ...this.kept.inter } };
       copy.layers = this.layers?.copy() ?? null;
+      copy.waiting = null;
       return copy;
     }
   }
 
-  /** Reads all that precedes the first frame: the bits behind it, and the state. */
-  function readStart(stream) {
+  /** What a quality is decoded at: its limits, and how often pictures are halved in size; null where `level` says all. */
+  function pointOf({ points, level }, quality) {
+    if (points.length === 0) return null;
+    const point = points[Math.min(quality, points.length - 1)];
+    return point.level === level && point.halvings === 0 ? null : { ...point, limits: LEVELS[point.level] };
+  }
+
+  /** Reads all that precedes the first frame: the bits behind it, and the state for a quality. */
+  function readStart(stream, quality = 0) {
     const { s, versionMinor } = readPrefix(stream);
     const { type, bit, payload } = readChunk(s, LONGEST_HEADER);
     checkKnown(type, bit);
     if (type !== "H") throw new Fault("R-6.1-3", bit);
     const header = readSequenceHeader(payload);
     if (versionMinor === 0) payload.checkFilled();
-    return { s, state: new State(header) };
+    return { s, state: new State(header, quality) };
   }
 
   function checkKnown(type, bit) {
@@ -71,51 +84,56 @@ globalThis.GSVC ??= {};
   /**
    * Yields each complete frame, with `parameters`, to the end of the stream; throws the first Fault.
    *
-   * Where layers are wanted, a frame comes as soon as it is sure that no more layers of it do.
+   * Where layers are wanted, a frame comes with the last of those that it names; one that gets more is `state.waiting`.
    */
   function* readFrames(s, state) {
-    let waiting = null; // a frame that may get layers
-    try {
-      for (let type = "H"; type !== "E"; ) {
-        state.chunkBit = s.position();
-        const chunk = readChunk(s, state.limits.payload);
-        const { bit, payload } = chunk;
-        type = chunk.type;
-        checkKnown(type, bit);
-        checkMayStand(type, bit, state);
-        if ("IPRE".includes(type) && waiting !== null) {
-          state.layers.finish();
-          yield waiting;
-          waiting = null;
-        }
-        state.bytesWaiting += (s.position() - bit) / 8;
-        if (type === "E") {
-          checkEnd(payload, state);
-          payload.checkFilled();
-        }
-        state.indexLength = 0;
-        if (type === "x") {
-          checkIndex(payload, bit / 8);
-          payload.checkFilled();
-          state.indexLength = (s.position() - bit) / 8;
-        }
-        if (type === "n" && waiting !== null) state.layers.read(chunk, (s.position() - bit) / 8, state);
-        if ("IPR".includes(type)) {
-          const frame = completeFrame(chunk, state);
-          frame.byteOffset = bit / 8;
-          frame.byteLength = (s.position() - bit) / 8;
-          if (state.layers === null) yield frame;
-          else waiting = frame;
-        }
+    const { layers, limits, point } = state;
+    for (let type = "H"; type !== "E"; ) {
+      state.chunkBit = s.position();
+      const chunk = readChunk(s, limits.payload, { longestFrame: (point ?? state).limits.payload });
+      const { bit, payload } = chunk;
+      const size = (s.position() - bit) / 8;
+      type = chunk.type;
+      checkKnown(type, bit);
+      checkMayStand(type, bit, state);
+      if ("IPRE".includes(type) && state.waiting !== null) {
+        layers.checkMissing(bit);
+        yield* waitingFrame(state);
       }
-      if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
-    } catch (fault) {
-      if (waiting !== null) {
-        state.layers.finish();
-        yield waiting;
+      if (type === "E") {
+        checkEnd(payload, state);
+        payload.checkFilled();
       }
-      throw fault;
+      state.indexLength = 0;
+      if (type === "x") {
+        checkIndex(payload, bit / 8);
+        payload.checkFilled();
+        state.indexLength = size;
+      }
+      state.bytesWaiting += size;
+      if (type === "n" && state.nextNumber > 0) {
+        if (layers !== null) layers.read(chunk, size, state);
+        else if (state.header.points.length > 0) addToSecond({}, bit, state);
+      }
+      if ("IPR".includes(type)) {
+        const frame = completeFrame(chunk, state);
+        frame.byteOffset = bit / 8;
+        frame.byteLength = size;
+        if (layers === null) yield frame;
+        else state.waiting = frame;
+      }
+      if (layers?.isComplete) yield* waitingFrame(state);
     }
+    if (s.bitsLeft() > 0) throw new Fault("R-6.1-4", s.position());
+  }
+
+  /** Yields the frame that waits for layers, if one does, with those that it has. */
+  function* waitingFrame(state) {
+    const frame = state.waiting;
+    if (frame === null) return;
+    state.waiting = null;
+    state.layers.finish();
+    yield frame;
   }
 
   /** Hops over a chunk, of which only type and length are looked at (section 12.6); its type. */
@@ -152,48 +170,64 @@ globalThis.GSVC ??= {};
 
   /** Yields all frames of a stream in the quality of a layer. */
   function* framesWithLayers(stream, quality) {
-    const { s, state } = readStart(stream);
-    if (state.header.profile === MAIN) state.layers = new main.Layers(quality);
-    yield* readFrames(s, state);
+    const { s, state } = readStart(stream, quality);
+    try {
+      yield* readFrames(s, state);
+    } catch (fault) {
+      yield* waitingFrame(state);
+      throw fault;
+    }
   }
 
   function completeFrame({ type, bit, payload }, state) {
-    const { width, height, profile } = state.header;
-    const frame = profile === MAIN ? readMainFrame(payload, type, state) : readFrame(payload, type, state);
+    const { header, layers } = state;
+    const isMain = header.profile === MAIN;
+    const frame = isMain ? readMainFrame(payload, type, state) : readFrame(payload, type, state);
     payload.checkFilled();
-    const parameters = profile === MAIN ? mainParameters(frame, state) : reconstructFrame(frame, state);
-    const isKnown = parameters === state.parameters; // an R-frame has the splats of the frame before
-    if (!isKnown && !areFinite(parameters)) throw new Fault("R-8-1", bit);
-    const work = isKnown ? state.work : renderingWork(parameters, width, height);
-    if (work > state.limits.work) throw new Fault("R-5-4", bit);
-    const checksum = frame.checksum === null ? null : isKnown ? state.checksum : parameterChecksum(parameters);
+    const isRepeated = type === "R";
+    const { parameters, work, pointWork } = isRepeated ? state : isMain ? main.decoded(frame.after, state)
+      : reconstructed(frame, bit, state);
+    const base = { parameters, work, pointWork };
+    const behind = layers?.behind(frame, state);
+    const shown = [base, ...(behind?.there.values() ?? [])].map(main.amountsOf);
+    const amounts = shown.reduce((all, one) =>
+      ({ splats: all.splats + one.splats, work: all.work + one.work, pointWork: all.pointWork + one.pointWork }));
+    if (isMain) checkLimit("R-5-2", "splats", bit, state, amounts.splats); // with layers that are carried
+    checkLimit("R-5-4", "work", bit, state, amounts.work, amounts.pointWork);
+    const checksum = frame.checksum === null ? null : isRepeated ? state.checksum : parameterChecksum(parameters);
     if (frame.checksum !== checksum) throw new Fault("R-6.4-3", frame.checksumBit);
-    Object.assign(frame, { parameters, work });
+    Object.assign(frame, base);
     frame.parts[0].count = parameters.length / 8;
-    if (state.header.flags & 2 && frame.number === state.framesCounted) checkSecond(frame, work, bit, state);
-    Object.assign(state, { parameters, work, checksum });
-    if (profile === MAIN) state.main = frame.after;
+    checkSecond(frame, amounts, bit, state);
+    Object.assign(state, base, { checksum });
+    if (isMain) state.main = frame.after;
     state.nextNumber += 1;
-    state.layers?.begin(frame);
+    layers?.begin(frame, behind, base, state);
     return frame;
   }
 
   /** main_frame(): what a frame of profile main says; `body` as main.readBody returns it, or null. */
   function readMainFrame(p, type, state) {
     const frame = readFrameHead(p, type, state);
+    frame.mask = state.header.points.length > 0 ? p.le(1) : 0;
+    if (frame.mask & ~LAYERS) throw new Fault("R-3.2-1", p.element);
     const isRepeated = type === "R";
-    frame.body = isRepeated ? null : main.readBody(p, type, state.main, state.header, state.limits.splats);
+    frame.body = isRepeated ? null : main.readBody(p, type, state.main, state);
     frame.after = isRepeated ? state.main : frame.body.after;
     frame.parts = [{ ...main.toldOf(type, frame.body), first: 0 }];
     return frame;
   }
 
-  const mainParameters = ({ type, after }, { parameters }) =>
-    (type === "R" ? parameters : main.stateParameters(after.splats));
+  /** Parameters and work of a frame of profile paper. */
+  function reconstructed(frame, bit, state) {
+    const parameters = reconstructFrame(frame, state);
+    if (!areFinite(parameters)) throw new Fault("R-8-1", bit);
+    const work = renderingWork(parameters, state.header.width, state.header.height);
+    return { parameters, work, pointWork: work };
+  }
 
   /** The parameters (N, 8) of a frame: survivors first, then new splats. */
   function reconstructFrame(frame, { parameters: reference, header: { width, height } }) {
-    if (frame.type === "R") return reference;
     const none = new Float32Array(0);
     const old = frame.inter ? reconstructInter(width, height, reference, frame.survivors, frame.inter) : none;
     const added = frame.intra ? reconstructIntra(width, height, frame.intra) : none;
@@ -204,5 +238,5 @@ globalThis.GSVC ??= {};
     return parameters;
   }
 
-  Object.assign(GSVC, { readStart, readFrames, completeFrame, framesBetween, framesWithLayers });
+  Object.assign(GSVC, { readStart, readFrames, waitingFrame, completeFrame, framesBetween, framesWithLayers });
 }

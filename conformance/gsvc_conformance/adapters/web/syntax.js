@@ -4,16 +4,16 @@ globalThis.GSVC ??= {};
 {
   const { Bits, Fault, crc32c, readPlane } = GSVC;
   const MAGIC = [0x89, 0x47, 0x53, 0x56, 0x43, 0x0d, 0x0a, 0x1a];
-  const VERSION_MAJOR = 128 + 1; // draft 1
+  const VERSION_MAJOR = 128 + 2; // draft 2
   const LONGEST_HEADER = 1024;
   const SMALLEST_NORMAL = 2 ** -126;
 
   const LEVELS = {
-    1: { pixels: 2 ** 17, splats: 2 ** 14, work: 2 ** 25, payload: 2 ** 20 },
-    2: { pixels: 2 ** 20, splats: 2 ** 16, work: 2 ** 28, payload: 2 ** 22 },
-    3: { pixels: 2 ** 22, splats: 2 ** 18, work: 2 ** 30, payload: 2 ** 24 },
-    4: { pixels: 2 ** 24, splats: 2 ** 20, work: 2 ** 32, payload: 2 ** 26 },
-    5: { pixels: 2 ** 26, splats: 2 ** 22, work: 2 ** 34, payload: 2 ** 28 },
+    1: { pixels: 2 ** 17, splats: 2 ** 14, work: 2 ** 25, payload: 2 ** 20, laneExponent: 6 },
+    2: { pixels: 2 ** 20, splats: 2 ** 16, work: 2 ** 28, payload: 2 ** 22, laneExponent: 8 },
+    3: { pixels: 2 ** 22, splats: 2 ** 18, work: 2 ** 30, payload: 2 ** 24, laneExponent: 10 },
+    4: { pixels: 2 ** 24, splats: 2 ** 20, work: 2 ** 32, payload: 2 ** 26, laneExponent: 12 },
+    5: { pixels: 2 ** 26, splats: 2 ** 22, work: 2 ** 34, payload: 2 ** 28, laneExponent: 12 },
   };
 
   const PER_SECOND = { pixels: 64, splats: 64, work: 8, payload: 1 }; // limits of a second, in those of a frame or payload
@@ -46,10 +46,11 @@ globalThis.GSVC ??= {};
       ["entropy_precision", 1, 12, 16],
       ["lane_count", 1, 1, 64],
     ],
-    [["lane_count", 1, 1, 64], ["layer_count", 1, 1, 4]],
+    [["max_lane_exponent", 1, 0, 12], ["layer_count", 1, 1, 4], ["main_tools", 1, 0, 0]],
   ];
+  const MOST_LEVEL = 5;
   const MAIN = 1; // the value of `profile`
-  const OTHERS_RESERVED = ["profile", "level", "flags"];
+  const OTHERS_RESERVED = ["profile", "level", "flags", "layer_count", "main_tools"];
 
   /** Reads `magic` and version; the bits behind them, and version_minor. */
   function readPrefix(stream) {
@@ -60,14 +61,18 @@ globalThis.GSVC ??= {};
     return { s, versionMinor: s.le(1) };
   }
 
-  /** A chunk: its type, its first bit, and the bits of its payload, at most `longest` bytes; its checksum is compared. */
-  function readChunk(s, longest, { compareCrc = true } = {}) {
+  /**
+   * A chunk: its type, its first bit, and the bits of its payload, at most `longest` bytes, of a frame of the base at most
+   * `longestFrame`; its checksum is compared.
+   */
+  function readChunk(s, longest, { compareCrc = true, longestFrame = longest } = {}) {
     const bit = s.position();
     const first = s.at / 8;
     const type = String.fromCharCode(s.le(1));
     if (!/[A-Za-z]/.test(type)) throw new Fault("R-6.2-1", s.element);
     const length = s.uv();
     if (length > (type === "H" ? LONGEST_HEADER : longest)) throw new Fault("R-5-3", bit + 8);
+    if ("IPR".includes(type) && length > longestFrame) throw new Fault("R-5-9", bit + 8);
     const payload = new Bits(s.raw(length), s.element);
     const covered = s.data.subarray(first, s.at / 8);
     const stated = s.le(4);
@@ -75,13 +80,38 @@ globalThis.GSVC ??= {};
     return { type, bit, payload };
   }
 
-  /** sequence_header(): its elements by name, in their order. */
+  /**
+   * sequence_header(): its elements by name, in their order. `points` has the operating points of a stream with layers, by
+   * quality: its `level`, and how often pictures are halved in size.
+   */
   function readSequenceHeader(p) {
     const header = {};
     readHeaderElements(p, HEADER, header);
     readHeaderElements(p, OWN_HEADER[header.profile], header);
+    header.points = header.layer_count > 1 ? readPoints(p, header) : [];
     return header;
   }
+
+  function readPoints(p, header) {
+    const points = [];
+    for (let quality = 0; quality < header.layer_count; quality++) {
+      const level = p.u(3);
+      const bit = p.element;
+      if (level < 1 || level > MOST_LEVEL) throw new Fault("R-3.2-1", bit);
+      const halvings = p.u(2);
+      if (p.u(3) !== 0) throw new Fault("R-3.2-1", p.element); // quality_reserved
+      points.push({ level, halvings, bit });
+    }
+    for (const { level, halvings, bit } of points) {
+      if (pixelsOf(header, halvings) > LEVELS[level].pixels) throw new Fault("R-5-9", bit);
+    }
+    if (Math.max(...points.map(({ level }) => level)) !== header.level) throw new Fault("R-5-9", points.at(-1).bit);
+    return points;
+  }
+
+  /** The pixels of a frame whose sides are halved so often. */
+  const pixelsOf = ({ width, height }, halvings = 0) =>
+    Math.ceil(width / 2 ** halvings) * Math.ceil(height / 2 ** halvings);
 
   function readHeaderElements(p, elements, header) {
     for (const [name, size, lowest, highest] of elements) {
@@ -89,30 +119,55 @@ globalThis.GSVC ??= {};
       if (value < lowest || value > highest) {
         throw new Fault(OTHERS_RESERVED.includes(name) ? "R-3.2-1" : "R-6.3-1", p.element);
       }
-      if (name === "height" && header.width * value > LEVELS[header.level].pixels) throw new Fault("R-5-1", p.element);
+      if (name === "height" && pixelsOf(header) > LEVELS[header.level].pixels) throw new Fault("R-5-1", p.element);
+      if (name === "max_lane_exponent" && value > LEVELS[header.level].laneExponent) throw new Fault("R-5-11", p.element);
     }
   }
 
   /**
-   * The limits of a second of a paced stream, of a frame that is sound, with its parameters and its work in pairs.
-   *
-   * `state` has header, limits, second (sums so far), bytesWaiting (of the chunks behind the frame before) and lastIFrame.
+   * Refuses an amount above the limit of the level, or, as R-5-9, above that of the operating point that is decoded, for
+   * which it may be another one. `state` has limits and point.
    */
-  function checkSecond(frame, work, bit, state) {
-    const { header, limits } = state;
+  function checkLimit(rule, name, bit, { limits, point }, amount, amountAtPoint = amount) {
+    if (amount > limits[name]) throw new Fault(rule, bit);
+    if (point !== null && amountAtPoint > point.limits[name]) throw new Fault("R-5-9", bit);
+  }
+
+  /**
+   * The limits of a second of a paced stream, for a frame of the base that is sound.
+   *
+   * `state` has header, limits, point, framesCounted, second (sums so far) and lastIFrame; `amounts` as of addToSecond.
+   */
+  function checkSecond(frame, amounts, bit, state) {
+    const { header, point } = state;
+    if (!(header.flags & 2) || frame.number !== state.framesCounted) return;
     const k = Math.ceil(header.frame_rate_numerator / header.frame_rate_denominator);
-    const before = frame.number % k === 0 ? {} : state.second;
-    const pixels = header.width * header.height;
-    const amounts = { pixels, splats: frame.parameters.length / 8, work, payload: state.bytesWaiting };
-    state.bytesWaiting = 0;
+    if (frame.number % k === 0) state.second = {};
     state.framesCounted += 1;
-    state.second = {}; // copies of a state share the one before
-    for (const [name, amount] of Object.entries(amounts)) {
-      state.second[name] = (before[name] ?? 0) + amount;
-      if (state.second[name] > PER_SECOND[name] * limits[name]) throw new Fault("R-5-7", bit);
-    }
+    const pixels = { pixels: pixelsOf(header), pointPixels: pixelsOf(header, point?.halvings) };
+    addToSecond({ ...amounts, ...pixels }, bit, state);
     if (frame.type === "I") state.lastIFrame = frame.number;
-    if (frame.number - state.lastIFrame >= I_FRAME_SECONDS * k) throw new Fault("R-5-8", bit);
+    if (frame.number - state.lastIFrame >= I_FRAME_SECONDS * k) throw new Fault("R-5-8", bit, { isSound: true });
+  }
+
+  /**
+   * R-5-7, of what a chunk adds to the sums of its second: pixels, splats, work (pointPixels and pointWork are those at the
+   * operating point), and the bytes of the chunks since the one that was counted last.
+   */
+  function addToSecond(amounts, bit, state) {
+    if (!(state.header.flags & 2) || state.framesCounted < 0) return;
+    const sums = { ...state.second };
+    const all = { ...amounts, payload: state.bytesWaiting };
+    state.bytesWaiting = 0;
+    for (const [name, amount] of Object.entries(all)) sums[name] = (sums[name] ?? 0) + amount;
+    state.second = sums; // another object: copies of a state share the one before
+    const check = (rule, limits, found) => {
+      for (const [name, times] of Object.entries(PER_SECOND)) {
+        if (found[name] > times * limits[name]) throw new Fault(rule, bit, { isSound: true });
+      }
+    };
+    check("R-5-7", state.limits, sums);
+    if (state.point !== null) check("R-5-9", state.point.limits, { ...sums, pixels: sums.pointPixels, work: sums.pointWork });
   }
 
   /** What frames of all profiles begin with: their number, and their checksum or null. */
@@ -295,7 +350,7 @@ globalThis.GSVC ??= {};
   }
 
   Object.assign(GSVC, {
-    LEVELS, LONGEST_HEADER, MAIN, readPrefix, readChunk, readSequenceHeader, readFrameHead, readFrame, checkIndex,
-    checkEnd, checkSecond,
+    LEVELS, LONGEST_HEADER, MAIN, VERSION_MAJOR, readPrefix, readChunk, readSequenceHeader, readFrameHead, readFrame,
+    checkIndex, checkEnd, checkLimit, checkSecond, addToSecond,
   });
 }

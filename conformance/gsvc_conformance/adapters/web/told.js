@@ -14,16 +14,18 @@ globalThis.GSVC ??= {};
     densities: ["densities"],
   };
 
-  /** The bits of a body by `PLANES`; what is no whole bit of a part is left to what is not listed. */
+  /** The bits of a body by `PLANES`. */
   const planesOf = (bits) => Object.fromEntries(Object.entries(PLANES).map(([plane, parts]) =>
-    [plane, parts.reduce((sum, part) => sum + Math.floor(bits[part] ?? 0), 0)]));
+    [plane, parts.reduce((sum, part) => sum + (bits[part] ?? 0), 0)]));
 
   /** What the body of a frame of profile main, or of a layer of one, says of all its splats. */
-  const codingOf = ({ quantizer, lane_exponent: laneExponent, motion_cell: motionCell }) =>
+  const codingOf = ({ quantizer, lane_exponent: laneExponent, motion_cell: motionCell }) => // of a layer 0: inherited
     ({ quantizer, step: main.stepOf(quantizer) / 16, lanes: 2 ** laneExponent, motionCell: main.SIDES[motionCell] });
 
   /** What the list of frames tells of one; bits are those of its chunks, `other` being all that is not listed. */
-  function summary({ type, number, byteOffset, byteLength, parameters, parts, chunks = [], bits, body = null }) {
+  function summary(frame) {
+    const { type, number, byteOffset, byteLength, parameters, parts, bits, body = null } = frame;
+    const { chunks = [], carried = [], lacking = [] } = frame; // of a stream with layers
     const splatCount = parameters.length / 8;
     const newCount = parts.reduce((sum, part) => sum + part.newCount, 0);
     const survivorCount = splatCount - newCount;
@@ -42,7 +44,8 @@ globalThis.GSVC ??= {};
     }));
     const coding = body && codingOf(body);
     return {
-      number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, size, layers, coding, planeBits,
+      number, type, splatCount, newCount, survivorCount, byteOffset, byteLength, size, layers, carried, lacking, coding,
+      planeBits,
     };
   }
 

@@ -26,7 +26,7 @@ layout(location = 1) in vec4 geometry;    // x, y, l11, l21: per splat
 layout(location = 2) in vec4 rest;        // l22, R, G, B
 uniform vec2 origin;                      // pixel at which the texture begins
 uniform vec2 size;                        // pixels of the texture that are drawn
-uniform float scale;                      // (9-8) with a = e: 1 for the coded size
+uniform float scale;                      // (9-8), below 1 (9-9), with a = e: 1 for the coded size
 uniform vec2 shift;                       // then added to the centres: minus the left and top of a zoomed view
 flat out vec4 splat;
 flat out vec4 splat_rest;
@@ -37,15 +37,26 @@ bool normal(float factor) {
   return bits >= 0x00800000u && bits < 0x7f800000u;
 }
 
+// (9-9) of a splat with (9-8): what is smaller than a pixel of the picture is spread over it.
+void smooth_out() {
+  float width = sqrt((1.0 - scale) * (1.0 + scale) / 12.0);   // the root of v
+  float m11 = length(vec2(splat.z, width));
+  float m22 = length(vec3(splat_rest.x, width, splat.w * (width / m11)));
+  splat_rest = vec4(m22, splat_rest.yzw * (splat.z / m11 * (splat_rest.x / m22)));
+  splat.zw = vec2(m11, splat.w * (splat.z / m11));
+}
+
 void main() {
   splat = vec4(geometry.xy * scale + shift, geometry.zw * scale);
   splat_rest = vec4(rest.x * scale, rest.yzw);
+  bool given = normal(geometry.z) && normal(rest.x);
+  if (given && scale < 1.0) smooth_out();
   // Half the box of (5-1), and room for every rounding on the way: what the box holds too much, sigma takes away.
   vec2 extent = REACH * vec2(splat.z, abs(splat.w) + splat_rest.x);
   vec2 margin = 1.0 + (abs(splat.xy) + extent) * exp2(-16.0);
   vec2 low = clamp(splat.xy - extent - margin - origin, vec2(0), size);
   vec2 high = clamp(splat.xy + extent + margin - origin, vec2(0), size);
-  bool drawn = normal(splat.z) && normal(splat_rest.x);
+  bool drawn = given && normal(splat.z) && normal(splat_rest.x);
   gl_Position = drawn ? vec4(mix(low, high, corner) / size * 2.0 - 1.0, 0, 1) : vec4(2, 2, 2, 1);
 }`;
 
