@@ -67,14 +67,11 @@ class DecodedFrame:
         Its splats, (N, 8) f4.
     work
         Its rendering work, (5-1) or (5-2).
-    base
-        Splats and work of the base, if the frame may have layers.
     """
 
     type: str
     parameters: Array
     work: int
-    base: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -113,8 +110,8 @@ class Decoding:
     ----------
     data
         The bytes.
-    layers
-        Whether layers above the base are decoded, too, all of them.
+    quality
+        The highest layer that is decoded, above the base, which is layer 0.
 
     Attributes
     ----------
@@ -126,38 +123,37 @@ class Decoding:
         The fault that ended it; None while there is none.
     """
 
-    def __init__(self, data: bytes, *, layers: bool = False) -> None:
+    def __init__(self, data: bytes, *, quality: int = 0) -> None:
         self.header: Mapping[str, int] = {}
         self.count, self.fault = 0, None
         self._spec = namespace()
         try:
-            self._bits, self._state = self._spec["open_stream"](data)
+            self._bits, self._state = self._spec["open_stream"](data, quality=quality)
         except self._spec["Fault"] as fault:
             self.fault = _fault(fault)
             return
         self.header = self._state.header
-        if layers and self.header.get("layer_count", 1) > 1:
-            self._state.layers = self._spec["Layers"](self.header["layer_count"] - 1)
+        if quality > 0 and self.header["profile"] == self._spec["MAIN"]:
+            self._state.layers = self._spec["Layers"](quality)
 
     def frames(self) -> Iterator[DecodedFrame]:
         """Each frame that is complete, up to the end or to the fault."""
         if self.fault is not None:
             return
-        layers, waiting, base = self._state.layers, None, None  # a frame gets its layers up to the next one
+        waiting = None  # a frame gets its layers up to the next one
         try:
             for frame in self._spec["read_frames"](self._bits, self._state):
                 if waiting is not None:
-                    yield self._decoded(waiting, base)
+                    yield self._decoded(waiting)
                 waiting = frame
-                base = None if layers is None else (len(layers.base), int(frame["work"]))
         except self._spec["Fault"] as fault:
             self.fault = _fault(fault)
         if waiting is not None:
-            yield self._decoded(waiting, base)
+            yield self._decoded(waiting)
 
-    def _decoded(self, frame: Mapping[str, Any], base: tuple[int, int] | None) -> DecodedFrame:
+    def _decoded(self, frame: Mapping[str, Any]) -> DecodedFrame:
         self.count += 1
-        return DecodedFrame(frame["type"], frame["parameters"], int(frame["work"]), base)
+        return DecodedFrame(frame["type"], frame["parameters"], int(frame["work"]))
 
 
 def _fault(fault: Any) -> StreamFault:

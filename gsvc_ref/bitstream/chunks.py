@@ -63,15 +63,34 @@ def _version_name(major: int) -> str:
     return f"draft {major - 128} of version 1 ({major})" if major > 128 else f"version {major}"
 
 
-def chunk_head(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, chunk_length: int = 0) -> tuple[int, int]:
-    """The first two elements of chunk(); `longest` tells the most bytes of a payload of a type."""
+def chunk_head(
+    s: Coder,
+    longest: Callable[[int], int],
+    chunk_type: int = 0,
+    chunk_length: int = 0,
+    *,
+    own_longest: int | None = None,
+) -> tuple[int, int]:
+    """The first two elements of chunk(); `longest` tells the most bytes of a payload of a type.
+
+    `own_longest` is that of a frame by the operating point of the quality that is decoded, if that is to be asked.
+    """
     chunk_type = s.le("chunk_type", 1, chunk_type)
     if not is_letter(chunk_type):
         s.fail("R-6.2-1", f"`chunk_type` is {chunk_type:#04x}, which is no ASCII letter")
     chunk_length = s.uv("chunk_length", chunk_length)
     if chunk_length > longest(chunk_type):
         s.fail("R-5-3", f"a chunk {chr(chunk_type)} has {chunk_length} bytes; {longest(chunk_type)} are allowed")
+    if chunk_type in FRAMES:
+        check_own_length(s, chunk_length, own_longest)
     return chunk_type, chunk_length
+
+
+def check_own_length(s: Coder, chunk_length: int, own_longest: int | None, *, bit: int | None = None) -> None:
+    """R-5-9 of the payload of a chunk whose `chunk_length` was coded last, or stands at `bit`."""
+    if own_longest is not None and chunk_length > own_longest:
+        message = f"a chunk has {chunk_length} bytes; the operating point of the quality allows {own_longest}"
+        s.fail("R-5-9", message, bit=bit)
 
 
 def chunk_rest(s: Coder, chunk_type: int, chunk_length: int, payload: bytes = b"") -> Bytes:
@@ -88,9 +107,16 @@ def wrong_checksum(s: Coder, chunk_type: int, *, bit: int | None = None) -> NoRe
     s.fail("R-6.2-2", f"the checksum of a chunk {chr(chunk_type)} is wrong: the chunk is damaged", bit=bit)
 
 
-def chunk(s: Coder, longest: Callable[[int], int], chunk_type: int = 0, payload: bytes = b"") -> tuple[int, Bytes]:
+def chunk(
+    s: Coder,
+    longest: Callable[[int], int],
+    chunk_type: int = 0,
+    payload: bytes = b"",
+    *,
+    own_longest: int | None = None,
+) -> tuple[int, Bytes]:
     """chunk() of spec.md section 6.2: its type and payload."""
-    chunk_type, chunk_length = chunk_head(s, longest, chunk_type, len(payload))
+    chunk_type, chunk_length = chunk_head(s, longest, chunk_type, len(payload), own_longest=own_longest)
     return chunk_type, chunk_rest(s, chunk_type, chunk_length, payload)
 
 

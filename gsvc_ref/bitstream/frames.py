@@ -1,5 +1,6 @@
 """Frames and splat blocks (spec.md sections 6.4 and 6.5)."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,6 +14,9 @@ from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.paper import BlockKind, Codebooks, FrameCodes, FrameType, Kept, Quantizer, SplatBlock, State
 from gsvc_ref.paper.codes import NO_QUANTIZER
 from gsvc_ref.paper.half import EXPONENT_MASK
+
+LAYERS_OF_MASK: Final = 0b1110
+"""The bits of `layer_mask` that are not reserved."""
 
 NO_BLOCK: Final = SplatBlock()
 NO_FRAME_CODES: Final = FrameCodes.repeated_frame()
@@ -54,6 +58,20 @@ def frame_head(
         return number, None
     with s.part("checksums"):
         return number, s.le("parameter_checksum", 4, given_checksum or 0)
+
+
+def layer_mask(s: Coder, header: SequenceHeader, given: Iterable[int] = ()) -> tuple[int, ...]:
+    """`layer_mask`: the layers whose chunks follow a frame, in a stream that has some (spec.md section 15.13).
+
+    What it says of layers that the stream does not have is ignored.
+    """
+    if header.layer_count == 1:
+        return ()
+    with s.part("frame_header"):
+        mask = s.le("layer_mask", 1, sum(1 << layer for layer in given))
+    if mask & ~LAYERS_OF_MASK:
+        s.fail("R-3.2-1", f"`layer_mask` is {mask:08b} in binary; all bits but those of layers 1 to 3 are reserved")
+    return tuple(layer for layer in range(1, header.layer_count) if mask >> layer & 1)
 
 
 def frame_codes(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_writer import Writer
@@ -68,6 +68,14 @@ MAX_LAYERS: Final = 4
 MAX_LANE_EXPONENT: Final = 12
 """The binary logarithm of the most lanes that a frame of profile `main` may have in any level."""
 
+
+class Quality(NamedTuple):
+    """The operating point of a quality: the level that it asks for, shown at 1/2^halvings of its size (R-5-9)."""
+
+    level: int  # `quality_level`
+    halvings: int = 0  # `quality_halvings`
+
+
 _OF_PROFILE: Final = (
     (
         ("cholesky_bits", 1, 1, 12),
@@ -84,8 +92,39 @@ _OF_PROFILE: Final = (
 )
 """After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
 
-_RESERVED: Final = ("layer_count", "main_tools")
-"""Those of which other values are reserved."""
+_OTHERS_RESERVED: Final = ("profile", "level", "layer_count", "main_tools")
+"""The elements of which other values are reserved."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """The limits that the frames of a quality keep."""
+
+    level: int  # of the stream, at the coded size
+    quality: Quality | None = None  # its operating point, where it asks for more than `level` does
+
+    @property
+    def frame(self) -> Level:
+        """Those of `level`."""
+        return LEVELS[self.level]
+
+    @property
+    def own(self) -> Level | None:
+        """Those of `quality_level`, where they are to be checked (R-5-9)."""
+        return None if self.quality is None else LEVELS[self.quality.level]
+
+    def fault(self, name: str, rule: str, amount: int, own_amount: int | None = None) -> tuple[str, str] | None:
+        """The rule that an amount breaks, and what it says: `rule` by `level`, else R-5-9 by the operating point.
+
+        `name` is that of a limit, `own_amount` the amount at the size of the operating point, where it is another.
+        """
+        if amount > (most := getattr(self.frame, name)):
+            return rule, f"level {self.level} allows {most}"
+        if self.own is not None and self.quality is not None:
+            amount = amount if own_amount is None else own_amount
+            if amount > (most := getattr(self.own, name)):
+                return "R-5-9", f"the operating point of the quality, of level {self.quality.level}, allows {most}"
+        return None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +162,14 @@ class SequenceHeader:
     max_lane_exponent: int = 0
     layer_count: int = 1
     main_tools: int = 0
+    # of each quality of a stream with layers; empty: each is of `level`, at the coded size
+    qualities: tuple[Quality, ...] = ()
 
     def __post_init__(self) -> None:
+        qualities = tuple(Quality(*quality) for quality in self.qualities)
+        if qualities == (Quality(self.level),) * self.layer_count:
+            qualities = ()
+        object.__setattr__(self, "qualities", qualities)
         written = _header_elements(Writer(), self)
         for other in fields(self):
             if other.name not in written and getattr(self, other.name) != other.default:
@@ -132,14 +177,28 @@ class SequenceHeader:
 
     @property
     def elements(self) -> dict[str, int]:
-        """The elements that a stream of the profile has by name, in their order."""
-        return {name: getattr(self, name) for name in header_elements(self.profile)}
+        """The elements that a stream of the profile has by name, in their order; those of quality q end in ``[q]``."""
+        known = {name: getattr(self, name) for name in header_elements(self.profile)}
+        for number, quality in enumerate(self.operating_points):
+            known |= {f"quality_level[{number}]": quality.level, f"quality_halvings[{number}]": quality.halvings}
+        return known
+
+    @property
+    def operating_points(self) -> tuple[Quality, ...]:
+        """The operating point of each quality; none of a stream without layers."""
+        return self.qualities or ((Quality(self.level),) * self.layer_count if self.layer_count > 1 else ())
+
+    def limits_of(self, quality: int) -> "Limits":
+        """What the frames of a quality must keep; those of a quality above the highest are of the highest."""
+        points = self.operating_points
+        own = points[min(quality, len(points) - 1)] if points else Quality(self.level)
+        return Limits(self.level, None if own == Quality(self.level) else own)
 
     @property
     def arguments(self) -> dict[str, int]:
         """What makes this header again: `elements`, with the flags by their names."""
         known = self.elements
-        flags = ("parameter_checksum_flag", "paced_flag")
+        flags = ("parameter_checksum_flag", "paced_flag", *(("qualities",) if self.qualities else ()))
         return {part.name: getattr(self, part.name) for part in fields(self) if part.name in (*known, *flags)}
 
     @property
@@ -170,7 +229,7 @@ class SequenceHeader:
         return LEVELS[self.level]
 
 
-_COMMON: Final = tuple(field.name for field in fields(SequenceHeader)[4:-8])
+_COMMON: Final = tuple(field.name for field in fields(SequenceHeader)[4:-9])
 """The names of the elements from `width` to `chroma_sample_loc_type`."""
 
 
@@ -180,29 +239,35 @@ def header_elements(profile: int) -> tuple[str, ...]:
 
 
 def sequence_header(
-    s: Coder, header: SequenceHeader | None = None, *, max_level: int = HIGHEST_LEVEL
+    s: Coder, header: SequenceHeader | None = None, *, max_level: int = HIGHEST_LEVEL, quality: int | None = None
 ) -> SequenceHeader:
-    """sequence_header() of spec.md section 6.3; levels above `max_level` are refused (R-5-6)."""
+    """sequence_header() of spec.md section 6.3; levels above `max_level` are refused (R-5-6).
+
+    Of a stream with layers it is the level of the `quality` that counts, by default the highest (R-5-10).
+    """
     with s.part("header"):
-        elements = _header_elements(s, header, max_level)
+        elements = _header_elements(s, header, max_level, quality)
     return header or SequenceHeader(**elements)
 
 
-def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = HIGHEST_LEVEL) -> dict[str, Any]:
+def _header_elements(
+    s: Coder, header: SequenceHeader | None, max_level: int = HIGHEST_LEVEL, quality: int | None = None
+) -> dict[str, Any]:
     given = {field.name: getattr(header, field.name, 0) for field in fields(SequenceHeader)}
     elements: dict[str, Any] = {}
 
-    def element(name: str, size: int, lowest: int, highest: int, *, others_reserved: bool = False) -> int:
+    def element(name: str, size: int, lowest: int, highest: int) -> int:
         value = elements[name] = s.le(name, size, given[name])
         if not lowest <= value <= highest:
-            rule = "R-3.2-1" if others_reserved else "R-6.3-1"
+            rule = "R-3.2-1" if name in _OTHERS_RESERVED else "R-6.3-1"
             s.fail(rule, f"`{name}` is {value}; it must be in {lowest}..{highest}")
         return value
 
-    profile = element("profile", 1, 0, len(PROFILES) - 1, others_reserved=True)
-    level = element("level", 1, 1, HIGHEST_LEVEL, others_reserved=True)
-    if level > max_level:
-        s.fail("R-5-6", f"the stream is of level {level}; this decoder reads level {max_level} at most")
+    profile = element("profile", 1, 0, len(PROFILES) - 1)
+    level = element("level", 1, 1, HIGHEST_LEVEL)
+    level_bit, most = s.element_bit, f"this decoder reads level {max_level} at most"
+    if level > max_level and profile != MAIN:
+        s.fail("R-5-6", f"the stream is of level {level}; {most}")
     flags = s.le("flags", 1, header.flags if header else 0)
     if flags > 3:
         s.fail("R-3.2-1", f"`flags` is {flags:08b} in binary; all bits but the last two are reserved")
@@ -224,10 +289,51 @@ def _header_elements(s: Coder, header: SequenceHeader | None, max_level: int = H
     element("video_full_range_flag", 1, 0, 0xFF)
     element("chroma_sample_loc_type", 1, 0, 0xFF)
     for name, size, lowest, highest in _OF_PROFILE[profile]:
-        value = element(name, size, lowest, highest, others_reserved=name in _RESERVED)
+        value = element(name, size, lowest, highest)
         if name == "max_lane_exponent" and value > LANE_EXPONENTS[level]:
             s.fail("R-5-11", f"`max_lane_exponent` is {value}; level {level} allows {LANE_EXPONENTS[level]}")
+    if elements.get("layer_count", 1) > 1:
+        points = () if header is None else header.operating_points
+        elements["qualities"] = points = _qualities(s, width, height, level, elements["layer_count"], points)
+        level = points[-1 if quality is None else min(quality, len(points) - 1)].level
+    if level > max_level:
+        s.fail("R-5-6", f"the stream, in this quality, is of level {level}; {most}", bit=level_bit)
     return elements
+
+
+def _qualities(
+    s: Coder, width: int, height: int, level: int, count: int, given: tuple[Quality, ...]
+) -> tuple[Quality, ...]:
+    """The operating points of `count` qualities, in which the first part of R-5-9 is checked."""
+    if given and len(given) != count:
+        raise UsageError(f"there are {len(given)} operating points; a stream with {count} layers has {count}")
+    found: list[Quality] = []
+    bits: list[int] = []
+    for quality in given or (Quality(0),) * count:
+        quality_level = s.u("quality_level", 3, quality.level)
+        bits.append(s.element_bit)
+        if quality_level not in LEVELS:
+            s.fail("R-3.2-1", f"`quality_level` is {quality_level}; it must be in 1..{HIGHEST_LEVEL}")
+        halvings = s.u("quality_halvings", 2, quality.halvings)
+        if (reserved := s.u("quality_reserved", 3)) != 0:
+            s.fail("R-3.2-1", f"`quality_reserved` is {reserved}; it is reserved and must be 0")
+        found.append(Quality(quality_level, halvings))
+    for number, (quality, bit) in enumerate(zip(found, bits, strict=True)):
+        columns, rows = halved_size(width, height, quality.halvings)
+        if columns * rows > LEVELS[quality.level].pixels:
+            message = (
+                f"quality {number} has {columns}x{rows} pixels; level {quality.level}, that of its operating point"
+            )
+            s.fail("R-5-9", f"{message}, allows {LEVELS[quality.level].pixels}", bit=bit)
+    if (greatest := max(quality.level for quality in found)) != level:
+        message = f"`level` is {level}; it must be the greatest `quality_level`, {greatest}"
+        s.fail("R-5-9", message, bit=bits[-1])
+    return tuple(found)
+
+
+def halved_size(width: int, height: int, halvings: int) -> tuple[int, int]:
+    """Width and height in pixels at 1/2^halvings of a size, rounded up."""
+    return -(-width >> halvings), -(-height >> halvings)
 
 
 def check_descriptive(header: SequenceHeader) -> None:

@@ -1,5 +1,6 @@
 """Sentences about damaged streams: what is missing, why, and what to do."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from gsvc_base.cli.text import plural
@@ -44,6 +45,12 @@ def _more_frames(stream: "Stream", next_number: int) -> bool:
         return False
 
 
+def _numbers(runs: list[range]) -> str:
+    """Frames in words, by runs of them."""
+    parts = [f"{run.start}" if len(run) == 1 else f"{run.start} to {run.stop - 1}" for run in runs]
+    return f"frame{'s' if sum(map(len, runs)) > 1 else ''} {', '.join(parts)}"
+
+
 class Gaps:
     """The gaps of a stream as they are found: an `on_gap` for `gsvc_ref.decode`."""
 
@@ -52,6 +59,7 @@ class Gaps:
         self.count = 0  # of all gaps
         self.missing = 0  # frames, as far as is known
         self.more_may_be_missing = False  # the number of frames that the stream had is unknown
+        self._lacking: dict[int, list[range]] = {}  # the frames from which each layer is missing
 
     def __call__(self, gap: "Gap") -> None:
         """Count a gap."""
@@ -63,14 +71,27 @@ class Gaps:
             return
         self.missing += gap.missing_count
 
+    def incomplete(self, number: int, layers: Iterable[int]) -> None:
+        """Note a frame from which layers are missing: an `on_incomplete` for `gsvc_ref.decode`."""
+        for layer in layers:
+            runs = self._lacking.setdefault(layer, [])
+            if runs and runs[-1].stop == number:
+                runs[-1] = range(runs[-1].start, number + 1)
+            else:
+                runs.append(range(number, number + 1))
+
     def lines(self) -> list[str]:
-        """A line for each gap, and one for each other stream that begins inside of one."""
+        """A line for each gap, for each other stream that begins inside of one, and for each layer that is missing."""
         lines = []
         for gap in self.found:
             lines.append(str(gap))
             lines += [f"  inside: {fault}" for fault in gap.faults[1:] if fault.rule == OTHER_STREAM_RULE]
-        others = self.count - len(self.found)
-        return [*lines, f"and {plural(others, 'more gap')}"] if others else lines
+        if others := self.count - len(self.found):
+            lines.append(f"and {plural(others, 'more gap')}")
+        return lines + [
+            f"layer {layer} is missing from {_numbers(runs[:MAX_GAPS])}{' and others' if len(runs) > MAX_GAPS else ''}"
+            for layer, runs in sorted(self._lacking.items())
+        ]
 
     def total(self, count: int) -> str:
         """The number of missing frames, of these and the `count` frames that were found."""

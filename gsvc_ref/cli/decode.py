@@ -123,6 +123,7 @@ def _decode(arguments: Namespace) -> int:
         decoded = gsvc_ref.decode(
             stream, start=start, stop=stop,
             scale=arguments.scale, precision=arguments.precision, threads=arguments.threads, on_gap=gaps,
+            on_incomplete=gaps.incomplete if gaps else None,
         )  # fmt: skip
         frames = CompleteFrames(iter(decoded))
         writer = _write(frames, stream, arguments, gaps)

@@ -20,6 +20,7 @@ class EncodedLayer:
     codes: MainCodes
     state: MainState  # the decoder's, after the frame
     psnr: float  # in dB, with all layers up to this one
+    carried: bool = False  # by the field of the base, without a chunk; its codes then are those of an R-frame
 
 
 @dataclass(frozen=True)
@@ -41,9 +42,14 @@ class EncodedFrame:
     number: int = 0
     elapsed_s: float = 0.0
 
-    def has_chunk(self, part: EncodedLayer) -> bool:
-        """Whether one of its layers has its own chunk: not the base, and not one that repeats with an R-frame."""
-        return part.layer > 0 and (part.codes.type, self.codes.type) != ("R", "R")
+    @property
+    def chunks(self) -> dict[int, MainCodes]:
+        """The codes of each layer above the base that has its own chunk: not of one that is carried."""
+        return {part.layer: part.codes for part in self.layers if part.layer > 0 and not self.carries(part)}
+
+    def carries(self, part: EncodedLayer) -> bool:
+        """Whether one of its layers is carried: it moves with the field of the base, or repeats with an R-frame."""
+        return part.carried or (part.codes.type, self.codes.type) == ("R", "R")
 
 
 def worked_on_again(result: EncodedFrame) -> EncodedFrame:

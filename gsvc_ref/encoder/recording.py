@@ -17,7 +17,7 @@ from gsvc_ref.encoder.loop import FrameCoder
 from gsvc_ref.encoder.report import EncodeReport, FrameReport, IncompleteEncodeError, LayerReport
 from gsvc_ref.encoder.source_and_target import Target, is_file, opened_target
 from gsvc_ref.encoder.stages import StageSeconds
-from gsvc_ref.stream import StreamWriter
+from gsvc_ref.stream import DecodedFrame, StreamWriter
 from gsvc_ref.stream.formats import header_fields
 from gsvc_ref.video import VideoFormat
 
@@ -53,12 +53,12 @@ class StreamPlan:
 
 def header_of(coder: FrameCoder[Any], video: VideoFormat, level: int) -> SequenceHeader:
     """The sequence header of the frames of a coder."""
+    elements: dict[str, Any] = {**header_fields(video), **coder.elements()}
     return SequenceHeader(
         level=level,
         parameter_checksum_flag=coder.settings.checksums,
         paced_flag=coder.settings.paced,
-        **header_fields(video),
-        **coder.elements(),
+        **elements,
     )
 
 
@@ -121,24 +121,22 @@ class Recording:
         self.interrupts.release()
 
     def write(self, encoded: EncodedFrame) -> None:
-        """Write a frame; one of which a layer is at fault is complete without that layer and those above it."""
+        """Write a frame with its layers."""
         begin = time.perf_counter()
-        layers: list[LayerReport] = []
-        fault: GsvcError | UsageError | None = None
         with self.plan.stages.timed("write"):
-            bits = self._write_frame(encoded)
-            try:
-                self._write_layers(encoded, bits, layers)
-            except (GsvcError, UsageError) as error:
-                fault, encoded = error, replace(encoded, psnr=layers[-1].psnr)
+            written = self._write_frame(encoded)
         self.plan.stages.add(encoded.seconds)
         seconds = encoded.elapsed_s + time.perf_counter() - begin
-        self.frames.append(self._report(encoded, bits, tuple(layers), seconds))
-        if fault is not None:
-            raise fault
+        bits = {0: written.bits, **{chunk.layer: chunk.bits for chunk in written.chunks}}
+        layers = tuple(
+            LayerReport(part.layer, part.codes.type, len(part.state.splats), part.codes.intra_count, part.psnr,
+                        bits.get(part.layer, {}))
+            for part in encoded.layers
+        )  # fmt: skip
+        self.frames.append(self._report(encoded, written.bits, layers, seconds))
 
-    def _write_frame(self, encoded: EncodedFrame) -> dict[str, int]:
-        """Write a frame without its layers, the first with the header before it; the bits that it took."""
+    def _write_frame(self, encoded: EncodedFrame) -> DecodedFrame:
+        """Write a frame, the first with the header before it."""
         plan = self.plan
         with self._watched():
             if self._writer is None:
@@ -148,18 +146,7 @@ class Recording:
                 )  # fmt: skip
             if (times := plan.times_before(self._writer.frame_count)) is not None:
                 self._writer.write_ancillary(TIMES, times)
-            return self._writer.write_frame(encoded.codes, encoded.state).bits
-
-    def _write_layers(self, encoded: EncodedFrame, bits: dict[str, int], layers: list[LayerReport]) -> None:
-        """Write the layers of a frame, of which the first is its base; the report of each is added to `layers`."""
-        assert self._writer is not None
-        with self._watched():
-            for part in encoded.layers:
-                codes, spent = part.codes, bits if part.layer == 0 else {}
-                if encoded.has_chunk(part):
-                    spent = self._writer.write_layer(part.layer, codes).bits
-                count = len(part.state.splats)
-                layers.append(LayerReport(part.layer, codes.type, count, codes.intra_count, part.psnr, spent))
+            return self._writer.write_frame(encoded.codes, encoded.state, encoded.chunks)
 
     @contextmanager
     def _watched(self) -> Iterator[None]:

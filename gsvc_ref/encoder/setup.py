@@ -111,7 +111,7 @@ def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least
     splats = 0 if settings.has_quality else size(width, height)  # with a quality nobody knows them beforehand
     for level in range(least, max(LEVELS) + 1):
         header = header_of(coder, video, level)
-        frames, allowed = header.frames_of_second, second_limits(header)
+        frames, allowed = header.frames_of_second, second_limits(level)
         if frames * width * height <= allowed.pixels and frames * splats <= allowed.splats:
             return level
     raise UsageError(

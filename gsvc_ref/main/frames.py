@@ -71,10 +71,20 @@ class MainState:
         """The splats of the frame before, in binary32 (15-5)."""
         return to_splats(self.values)
 
-    @cached_property
+    @property
     def work(self) -> int:
         """The rendering work of these splats in pairs (5-2)."""
-        return work_of(self.values, self.width, self.height)
+        return self.work_at(0)
+
+    def work_at(self, halvings: int) -> int:
+        """The rendering work on a frame that is halved so often; it is found once."""
+        if halvings not in self._works:
+            self._works[halvings] = work_of(self.values, self.width, self.height, halvings)
+        return self._works[halvings]
+
+    @cached_property
+    def _works(self) -> dict[int, int]:
+        return {}
 
     @cached_property
     def checksum(self) -> int:
@@ -98,17 +108,19 @@ def frame_body(
     max_lane_exponent: int,
     most_splats: int,
     given: MainCodes | None = None,
+    own_most: int | None = None,
 ) -> Body:
     """frame_body(type) of spec.md section 15.5, of an I- or a P-frame after the state `before`.
 
-    The header allows `max_lane_exponent`, and the level `most_splats`. `given` are the codes that a Writer writes; a
-    UsageError says that no stream can have them after `before`.
+    The header allows `max_lane_exponent`, the level `most_splats`, and the operating point of the quality `own_most`, if
+    it is to be asked. `given` are the codes that a Writer writes; a UsageError says that no stream can have them after
+    `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)
     if given is not None:
         _check_shapes(given, before)
-    codes, count = _head(s, frame_type, before, max_lane_exponent, most_splats, given)
+    codes, count = _head(s, frame_type, before, max_lane_exponent, (most_splats, own_most), given)
     densities = codes.densities or before.densities
     state = replace(before, densities=densities, quantizer=codes.quantizer)
     lengths: dict[str, float] = {}
@@ -171,7 +183,7 @@ def _head(
     frame_type: FrameType,
     before: MainState,
     max_lane_exponent: int,
-    most_splats: int,
+    most: tuple[int, int | None],
     given: MainCodes | None,
 ) -> tuple[MainCodes, int]:
     """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
@@ -197,8 +209,9 @@ def _head(
         if new_present:
             number = s.uv("splat_number", 2 * (len(source.new) - 1) + (source.densities is not None))
             count, present = number // 2 + 1, number % 2
-    if count + len(before.values) > most_splats:
-        s.fail("R-5-2", f"a frame may get {count + len(before.values)} splats; the level allows {most_splats}")
+    for rule, allowed, by in zip(("R-5-2", "R-5-9"), most, ("level", "operating point of the quality"), strict=True):
+        if allowed is not None and (splats := count + len(before.values)) > allowed:
+            s.fail(rule, f"a frame may get {splats} splats; the {by} allows {allowed}")
     if frame_type == "I" and count and not present:
         s.fail("R-15.5-3", "an I-frame has no densities, and its splats need some")
     if count and not present and before.densities is None:

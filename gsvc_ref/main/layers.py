@@ -1,11 +1,12 @@
 """The layers of a stream of profile `main` (spec.md section 15.13): further splats for each frame, in chunks `n`.
 
-A layer is predicted from itself alone. So what a decoder carries is a state of each layer, beside that of the base.
+A layer is predicted from itself, and may take the motion field of the base. So what a decoder carries is a state of
+each layer, beside that of the base.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 
@@ -13,22 +14,14 @@ from gsvc_base.arrays import I8
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
-from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.codes import NO_FIELD, Field, MainCodes
 from gsvc_ref.main.frames import Body, MainState, frame_body
+from gsvc_ref.main.motion import field_motion
+from gsvc_ref.main.state import X_MOST
 from gsvc_ref.paper import FrameType
 
-LAYER_TYPES: Final = (*b"IPR",)
-"""The values of `layer_type`."""
-
-
-@dataclass(frozen=True)
-class LayerHead:
-    """The elements of a chunk `n` in front of its body."""
-
-    layer: int  # 1 to `layer_count` - 1
-    type: FrameType | None  # None of a layer that is skipped
-    checksum: int | None = None  # `parameter_checksum`, if the stream has some
-    checksum_bit: int = 0  # the offset of that element in bits from the start of the stream
+LAYER_TYPES: Final[tuple[FrameType, ...]] = ("I", "P", "R")
+"""The types of layers, by `layer_type`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,39 +30,71 @@ class Layers:
 
     highest: int  # the highest layer that is wanted, at least 1
     base: MainState | None = None  # the state of the base after the frame; None before the first frame
-    there: Mapping[int, MainState] = field(default_factory=dict)  # the layers that the frame shows, after it
-    before: Mapping[int, MainState] = field(default_factory=dict)  # what they are predicted from
+    number: int = 0  # of the frame
+    named: tuple[int, ...] = ()  # the layers of which `layer_mask` says that a chunk follows, in their order
+    moves: Field = NO_FIELD  # the motion field of the base in the frame
+    there: Mapping[int, MainState] = field(default_factory=dict)  # the layers that the frame shows so far, after it
+    before: Mapping[int, MainState] = field(default_factory=dict)  # what those named are predicted from
     last: int = 0  # the layer of the last chunk after the frame, skipped ones included; 0: there was none
-    # For salvage: layers that damage has taken, whose chunks are skipped up to an `I`; and whether chunks after the
-    # frame are skipped, since they may belong to a frame that is lost.
+    # For salvage: layers that damage has taken, whose chunks are skipped up to an `I`; and whether a part of the stream
+    # after the frame was skipped, so that a chunk which does not fit may be of a frame that is lost.
     lost: frozenset[int] = frozenset()
-    closed: bool = False
+    damaged: bool = False
 
-    def after(self, frame_type: FrameType, base: MainState) -> "Layers":
-        """The layers directly after a frame of the base, whose state then is `base` (R-15.13-2)."""
+    def after(
+        self,
+        frame_type: FrameType,
+        base: MainState,
+        named: Iterable[int] = (),
+        moves: Field = NO_FIELD,
+        number: int = 0,
+    ) -> "Layers":
+        """The layers directly after a frame of the base, whose state then is `base` (R-15.13-2).
+
+        Layers that are there and not `named` are carried: repeated behind an R-frame, moved behind a P-frame.
+        """
+        named = tuple(sorted(named))
+        lost = frozenset[int]() if frame_type == "I" else self.lost | {*self.due}
         before = {} if frame_type == "I" else self.there
-        there = before if frame_type == "R" else {}
-        lost = frozenset[int]() if frame_type == "I" else self.lost
-        return Layers(self.highest, base, there, before, lost=lost)
+        there = {layer: carried(state, moves) if frame_type == "P" else state for layer, state in before.items()
+                 if layer not in named}  # fmt: skip
+        return Layers(self.highest, base, number, named, moves, there, before, lost=lost)
 
     def interrupted(self) -> "Layers":
-        """The layers after a damaged part of the stream: those that the frame had before it stay, the others are lost.
+        """The layers after a damaged part of the stream, which may have held chunks of the frame."""
+        return replace(self, damaged=True)
 
-        Which frame a chunk after the damage belongs to is unknown until there is one.
-        """
-        own = {layer: state for layer, state in self.there.items() if layer <= self.last}
-        lost = frozenset(layer for layer in range(1, self.highest + 1) if layer not in own)
-        return replace(self, there=own, before={}, lost=lost, closed=True)
+    def passed(self, layer: int) -> "Layers":
+        """After the chunk of a layer that is skipped; what should have stood before it is lost."""
+        return replace(self, last=layer, lost=self.lost | {due for due in self.due if due < layer})
 
     def with_layer(self, layer: int, state: MainState) -> "Layers":
         """With the state of a layer after its chunk."""
+        passed = self.passed(layer)
         there = dict(sorted([*((n, s) for n, s in self.there.items() if n != layer), (layer, state)]))
-        return replace(self, there=there, last=layer, lost=self.lost - {layer})
+        return replace(passed, there=there, lost=passed.lost - {layer})
 
     @property
     def takes_chunks(self) -> bool:
         """Whether a chunk `n` that stands here belongs to a frame."""
-        return self.base is not None and not self.closed
+        return self.base is not None
+
+    @property
+    def due(self) -> tuple[int, ...]:
+        """The layers that are wanted and whose chunks have yet to come; without one a frame is complete (R-15.13-5)."""
+        return tuple(layer for layer in self.named if self.last < layer <= self.highest)
+
+    @property
+    def lacking(self) -> tuple[int, ...]:
+        """The layers that the frame should have, and that are not there so far."""
+        return tuple(sorted(self.lost | {*self.due}))
+
+    def missing(self, layer: int) -> str | None:
+        """What is wrong where a chunk of `layer`, or above all layers of another frame, stands here (R-15.13-6)."""
+        absent = [due for due in self.due if due < layer and due not in self.lost]
+        if self.damaged or not absent:
+            return None
+        return f"`layer_mask` of frame {self.number} names layer {absent[0]}, and its chunk is missing"
 
     @property
     def parts(self) -> tuple[MainState, ...]:
@@ -82,63 +107,100 @@ class Layers:
         """The splats of the frame, joined on each access."""
         return Splats.joined([state.splats for state in self.parts])
 
+    def work(self, halvings: int = 0) -> int:
+        """The rendering work of the frame, halved so often; each state knows its own at full size."""
+        return sum(state.work_at(halvings) for state in self.parts)
+
     @property
-    def work(self) -> int:
-        """The rendering work of the frame; each state knows its own, so that a layer that repeats costs nothing."""
-        return sum(state.work for state in self.parts)
+    def count(self) -> int:
+        """The number of splats of the frame."""
+        return sum(len(state.values) for state in self.parts)
 
     def others(self, layer: int) -> int:
-        """The number of splats of the base and of all layers but one."""
-        assert self.base is not None
-        return len(self.base.values) + sum(len(state.values) for n, state in self.there.items() if n != layer)
+        """The number of splats of the base and of all layers that are there but one."""
+        return self.count - (len(self.there[layer].values) if layer in self.there else 0)
 
     def start_of(self, layer: int, header: SequenceHeader) -> MainState:
-        """The state that a layer is predicted from."""
-        return self.before.get(layer, MainState.initial(header.width, header.height))
+        """The state that a layer is predicted from, with the field that it may take from the base."""
+        start = self.before.get(layer)
+        return MainState.initial(header.width, header.height) if start is None else replace(start, inherited=self.moves)
 
 
-def layer_head(s: Coder, header: SequenceHeader, layers: Layers, given: LayerHead | None = None) -> LayerHead:
-    """The elements of layer() in front of its body (R-15.13-1, R-15.13-2), with R-5-2 of a layer that has no body.
+def carried(state: MainState, moves: Field) -> MainState:
+    """The state of a layer after a P-frame of the base that has no chunk of it, and that moves by a field."""
+    if moves.side == 0 and not state.past.any():
+        return state
+    values = state.values.copy()
+    values[:, :2] = np.clip(values[:, :2] + field_motion(values, *moves), -X_MOST, X_MOST)
+    return replace(state, values=values, past=np.zeros_like(state.past))
 
-    A Writer writes those that are given.
-    """
-    head, limits = given or LayerHead(0, "I"), header.limits
+
+def layer_number(s: Coder, layers: Layers, given: int = 0) -> int | None:  # noqa: RET503
+    """`layer` (R-15.13-1); None in a damaged stream where it does not fit the frame."""
     with s.part("frame_header"):
-        layer = s.le("layer", 1, head.layer)
-        if not layers.last < layer < header.layer_count:
-            s.fail(
-                "R-15.13-1",
-                f"`layer` is {layer}; it must be {layers.last + 1} to {header.layer_count - 1} here",
-            )
-        if layer > layers.highest:
-            return LayerHead(layer, None)
-        code = s.le("layer_type", 1, ord(head.type or "R"))
-        if code not in LAYER_TYPES:
-            s.fail("R-3.2-1", f"`layer_type` is {code}; it must be one of I, P and R in ASCII")
-        layer_type = cast(FrameType, chr(code))
-        if layer_type != "I" and layer not in layers.before:
-            if layer in layers.lost:
-                return LayerHead(layer, None)
+        layer = s.u("layer", 2, given)
+    if layer == 0:
+        s.fail("R-3.2-1", "`layer` is 0, which is reserved; the base stands in a frame's own chunk")
+    if layer in layers.named and layer > layers.last:
+        return layer
+    if layers.damaged:
+        return None  # a chunk of a frame that is lost
+    left = [str(named) for named in layers.named if named > layers.last]
+    what = f"{' or '.join(left)} must come here" if left else "`layer_mask` names none that may come here"
+    s.fail("R-15.13-1", f"`layer` is {layer}; {what}")
+
+
+def layer_head(
+    s: Coder, header: SequenceHeader, layers: Layers, layer: int, given: FrameType = "I"
+) -> tuple[FrameType | None, Layers]:
+    """`layer_type` and `frame_low`, with R-5-2 of a layer that has no body: the type, and `layers`.
+
+    In a damaged stream the type is None of a chunk that is skipped: it belongs to another frame, or its layer is lost,
+    which the layers then have passed.
+    """
+    with s.part("frame_header"):
+        code = s.u("layer_type", 2, LAYER_TYPES.index(given))
+        type_bit = s.element_bit
+        if code >= len(LAYER_TYPES):
+            s.fail("R-3.2-1", f"`layer_type` is {code}, which is reserved")
+        layer_type = LAYER_TYPES[code]
+        strange = layer_type != "I" and layer not in layers.before
+        if strange and layer not in layers.lost:
             s.fail("R-15.13-2", f"layer {layer} goes on with {layer_type}, and it is not there: it must begin with I")
-        if layer_type == "R" and (count := len(layers.before[layer].values) + layers.others(layer)) > limits.splats:
-            message = f"with layer {layer} repeated the frame has {count} splats"
-            s.fail("R-5-2", f"{message}; level {header.level} allows {limits.splats}")  # R-15.13-3
+        low = s.u("frame_low", 4, layers.number & 15)
+    if low != layers.number & 15:
+        if layers.damaged:
+            return None, layers
+        message = f"`frame_low` is {low}; it must be {layers.number & 15}, that of frame {layers.number} before it"
+        s.fail("R-15.13-4", f"{message}: the layer is of another frame")
+    if strange:
+        return None, layers.passed(layer)
+    if layer_type == "R":
+        count = len(layers.before[layer].values) + layers.others(layer)
+        if (fault := header.limits_of(layers.highest).fault("splats", "R-5-2", count)) is not None:  # R-15.13-3
+            s.fail(fault[0], f"with layer {layer} repeated the frame has {count} splats; {fault[1]}", bit=type_bit)
+    return layer_type, layers
+
+
+def layer_checksum(s: Coder, header: SequenceHeader, given: int = 0) -> tuple[int | None, int]:
+    """`parameter_checksum` of a layer, None if the stream has none, and where it stands."""
     if not header.parameter_checksum_flag:
-        return LayerHead(layer, layer_type)
+        return None, 0
     with s.part("checksums"):
-        checksum = s.le("parameter_checksum", 4, head.checksum or 0)
-    return LayerHead(layer, layer_type, checksum, s.element_bit)
+        return s.le("parameter_checksum", 4, given), s.element_bit
 
 
 def layer_body(
     s: Coder, header: SequenceHeader, layers: Layers, layer: int, layer_type: FrameType, given: MainCodes | None = None
 ) -> Body:
     """The body of a layer; one that is repeated has none."""
-    before = layers.start_of(layer, header)
     if layer_type == "R":
-        return Body(MainCodes.repeated_frame(), before, {})
-    room = header.limits.splats - layers.others(layer)  # R-15.13-3
-    return frame_body(s, layer_type, before, header.max_lane_exponent, room, given)
+        return Body(MainCodes.repeated_frame(), layers.before[layer], {})
+    limits, others = header.limits_of(layers.highest), layers.others(layer)  # R-15.13-3
+    own = None if limits.own is None else limits.own.splats - others
+    before = layers.start_of(layer, header)
+    body = frame_body(s, layer_type, before, header.max_lane_exponent, limits.frame.splats - others, given, own)
+    return replace(body, after=replace(body.after, inherited=NO_FIELD))
 
 
 def joined_origins(

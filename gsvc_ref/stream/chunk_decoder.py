@@ -10,12 +10,13 @@ from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.coder import Bytes, Element, categories_of, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.bitstream.frames import frame_head
-from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.frames import frame_head, layer_mask
+from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, MAX_LAYERS, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.rules import broken
 from gsvc_ref.bitstream.times import TIMES, read_times, times
+from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import Body, MainState
-from gsvc_ref.main.layers import Layers, layer_body, layer_head
+from gsvc_ref.main.layers import Layers, layer_body, layer_checksum, layer_head, layer_number
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
@@ -34,8 +35,8 @@ class Place:
     state: AnyState  # after the frame before
     next_number: int = 0  # that the next frame must have
     index_length: int = 0  # bytes of the chunk directly before, if that is an index
-    frame_end: int = 0  # offset of the end of the last frame's chunk, or of the sequence header
-    work: int = 0  # rendering work of the frame before, in pairs
+    frame_end: int = 0  # offset of the end of the last frame's chunks, or of the sequence header
+    work: int = 0  # rendering work of the base of the frame before, in pairs
     checksum: int | None = None  # `parameter_checksum` of the frame before, if the stream has some
     pace: Pace | None = None
     """What a paced stream has used of its second. It counts as long as it expects the frame that comes next: not after
@@ -95,7 +96,7 @@ class ChunkDecoder:
         if chunk_type != chunks.HEADER_TYPE:
             s.fail("R-6.1-3", f"the first chunk is of type {chr(chunk_type)}; it must be the sequence header, H")
         p = payload_reader(s, payload, trace)
-        self.header: SequenceHeader = sequence_header(p, max_level=max_level)
+        self.header: SequenceHeader = sequence_header(p, max_level=max_level, quality=layer)
         if version_minor == chunks.VERSION_MINOR:
             _check_filled(p)
         else:  # R-6.1-6; by R-6.1-7 all else is as with minor version 0
@@ -106,7 +107,8 @@ class ChunkDecoder:
         state, begin = self._profile.initial(self.header), s.position // 8
         highest = self.header.layer_count - 1 if layer is None else layer
         layers = Layers(highest) if highest > 0 and self.header.profile == MAIN else None
-        pace = Pace() if self.header.paced_flag else None
+        self.limits = self.header.limits_of(highest)
+        pace = Pace(self.limits) if self.header.paced_flag else None
         # The first chunk after the sequence header.
         self.first = Place(begin, state, frame_end=begin, pace=pace, layers=layers)
 
@@ -125,7 +127,7 @@ class ChunkDecoder:
             s = SourceReader(self.source, self._trace)
             if s.at_end():
                 s.fail("R-6.2-4", "the stream ends without an end chunk: it was cut")
-            chunk_type, payload = chunks.chunk(s, self.longest_payload)
+            chunk_type, payload = chunks.chunk(s, self.longest_payload, own_longest=self._own_longest)
         s.element_bit = 8 * place.offset
         chunks.check_known(s, chunk_type)
         _check_may_stand(s, chunk_type, place)
@@ -139,20 +141,22 @@ class ChunkDecoder:
         codes: AnyCodes | None = None
         ancillary: tuple[str, Bytes] | None = None
         layer: _Layer | None = None
+        if place.layers is not None and chunk_type in chunks.CRITICAL:
+            _check_none_missing(place.layers, MAX_LAYERS, place)
         if chunk_type in chunks.FRAMES:
             frame_type = chunks.frame_type_of(chunk_type)
             _, checksum = frame_head(p, self.header, place.next_number)
-            parsed = self._profile.read(p, self.header, place.state, frame_type)
+            named = layer_mask(p, self.header)
+            parsed = self._profile.read(p, self.header, place.state, frame_type, self.limits)
             _check_filled(p)
-            state, work = self._reconstruct(parsed, checksum, place, p)
+            state, layers = self._reconstruct(parsed, named, place)
+            work = self._check_shown(state, layers, place)
+            self._check_frame_checksum(checksum, state, place, p)
             codes = parsed.codes
-            pace = self._pace(place, frame_type, len(state.splats), work, after.offset)
-            layers = None
-            if place.layers is not None:
-                assert isinstance(state, MainState)
-                layers = place.layers.after(frame_type, state)
+            count = len(state.splats) if layers is None else layers.count
+            pace = self._pace(place, frame_type, count, work, after.offset)
             number, offset = place.next_number + 1, after.offset
-            after = Place(offset, state, number, 0, offset, work, checksum, pace, layers)
+            after = Place(offset, state, number, 0, offset, work_after(state), checksum, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
@@ -160,8 +164,10 @@ class ChunkDecoder:
             self.check_end(p, place)
         elif chunk_type == chunks.LAYER_TYPE and place.layers is not None and place.layers.takes_chunks:
             layers, layer = self._layer(p, place, place.layers)
-            after = replace(after, layers=layers)
+            after = self._after_layer(replace(after, layers=layers), place)
         else:  # R-6.2-5
+            if chunk_type == chunks.LAYER_TYPE and self.header.layer_count > 1 and place.next_number > 0:
+                after = self._after_layer(after, place)
             ancillary = chr(chunk_type), p.rest
             with p.part("ancillary"):
                 if self._trace is not None and chunk_type == ord(TIMES) and read_times(p.rest) is not None:
@@ -175,17 +181,37 @@ class ChunkDecoder:
 
     def _layer(self, p: Reader, place: Place, before: Layers) -> tuple[Layers, "_Layer | None"]:
         """A chunk `n`: the layers after it, and the layer that it holds, if that is wanted (spec.md section 15.13)."""
-        head = layer_head(p, self.header, before)
-        if head.type is None:
-            with p.part("ancillary"):
-                p.raw("payload", p.bytes_left)
-            return replace(before, last=head.layer), None
-        body = layer_body(p, self.header, before, head.layer, head.type)
-        _check_filled(p)
-        layers = before.with_layer(head.layer, body.after)
-        self._check_work(layers.work, place)
-        _check_checksum(head.checksum, lambda: body.after.checksum, head.checksum_bit)
-        return layers, _Layer(head.layer, body)
+        layers, size = before, p.bytes_left
+        if (layer := layer_number(p, before)) is not None:
+            _check_none_missing(before, layer, place)
+            if layer > before.highest:
+                layers = before.passed(layer)
+            else:
+                chunks.check_own_length(p, size, self._own_longest, bit=8 * place.offset + 8)
+                layer_type, layers = layer_head(p, self.header, before, layer)
+                if layer_type is not None:
+                    checksum, checksum_bit = layer_checksum(p, self.header)
+                    body = layer_body(p, self.header, before, layer, layer_type)
+                    _check_filled(p)
+                    layers = before.with_layer(layer, body.after)
+                    self._check_work(layers.work, place)
+                    _check_checksum(checksum, lambda: body.after.checksum, checksum_bit)
+                    return layers, _Layer(layer, body)
+        with p.part("ancillary"):
+            p.raw("payload", p.bytes_left)
+        return layers, None
+
+    def _after_layer(self, after: Place, place: Place) -> Place:
+        """The place after a chunk `n` of a frame, in which R-5-7 and its part of R-5-9 are checked."""
+        pace = after.pace
+        if pace is not None and pace.next_number == place.next_number:
+            splats, work = 0, (0, 0)
+            if after.layers is not None and place.layers is not None:
+                splats = after.layers.count - place.layers.count
+                now, then = (self._works(layers.work) for layers in (after.layers, place.layers))
+                work = now[0] - then[0], now[1] - then[1]
+            pace = _checked(pace.added(splats, work, after.offset - place.frame_end), self.header, place)
+        return replace(after, pace=pace, frame_end=after.offset)
 
     def check_nothing_follows(self, place: Place) -> None:
         """R-6.1-4, at the place after the end chunk."""
@@ -224,25 +250,48 @@ class ChunkDecoder:
             chunk_type, payload = chunks.chunk(s, self.longest_payload)
         return chunk_type, payload_reader(s, payload)
 
-    def _reconstruct(self, parsed: Parsed, checksum: int | None, place: Place, p: Reader) -> tuple[AnyState, int]:
-        """The checks that follow parsing: R-8-1, R-5-4 and R-6.4-3; the state, and the rendering work in pairs."""
+    def _reconstruct(self, parsed: Parsed, named: tuple[int, ...], place: Place) -> tuple[AnyState, Layers | None]:
+        """The state that follows, with R-8-1, and the layers that are wanted."""
         try:
             state = parsed.reconstruct()
         except GsvcError as error:
             raise broken("R-8-1", error.message, 8 * place.offset) from None
-        repeated = state is place.state  # an R-frame has the work and the checksum of the frame before
-        work = place.work if repeated else work_after(state)
-        self._check_work(work, place)
-        checksum_bit = p.first_bit + 8 * len(encode_uv(place.next_number))
-        _check_checksum(
-            checksum, lambda: place.checksum if repeated else parameter_checksum(state.splats), checksum_bit
-        )
-        return state, work
+        if place.layers is None or not isinstance(parsed.codes, MainCodes):
+            return state, None
+        assert isinstance(state, MainState)
+        moves = parsed.codes.field if parsed.codes.type == "P" else NO_FIELD
+        return state, place.layers.after(parsed.codes.type, state, named, moves, place.next_number)
 
-    def _check_work(self, work: int, place: Place) -> None:
-        if work > self.header.limits.work:
-            message = f"rendering takes {work} pairs; level {self.header.level} allows {self.header.limits.work}"
-            raise broken("R-5-4", message, 8 * place.offset)
+    def _check_shown(self, state: AnyState, layers: Layers | None, place: Place) -> tuple[int, int]:
+        """R-5-2 of carried layers, and R-5-4 (R-15.13-3); the work of the frame as `_works` has it."""
+        if layers is not None and layers.there:
+            fault = self.limits.fault("splats", "R-5-2", layers.count)
+            if fault is not None:
+                message = f"with the layers that are carried the frame has {layers.count} splats"
+                raise broken(fault[0], f"{message}; {fault[1]}", 8 * place.offset)
+        if layers is not None:
+            return self._check_work(layers.work, place)
+        # an R-frame has the work of the frame before
+        repeated = state is place.state
+        return self._check_work(lambda h: place.work if repeated and h == 0 else work_after(state, h), place)
+
+    def _works(self, work: Callable[[int], int]) -> tuple[int, int]:
+        """The work at the coded size and at that of the operating point, as a function tells it by the halvings."""
+        quality = self.limits.quality
+        full = work(0)
+        return full, work(quality.halvings) if quality is not None and quality.halvings else full
+
+    def _check_work(self, work: Callable[[int], int], place: Place) -> tuple[int, int]:
+        works = self._works(work)
+        if (fault := self.limits.fault("work", "R-5-4", *works)) is not None:
+            pairs = works[0] if fault[0] == "R-5-4" else works[1]
+            raise broken(fault[0], f"rendering takes {pairs} pairs; {fault[1]}", 8 * place.offset)
+        return works
+
+    def _check_frame_checksum(self, checksum: int | None, state: AnyState, place: Place, p: Reader) -> None:
+        repeated = state is place.state  # an R-frame has the checksum of the frame before
+        bit = p.first_bit + 8 * len(encode_uv(place.next_number))
+        _check_checksum(checksum, lambda: place.checksum if repeated else parameter_checksum(state.splats), bit)
 
     def _decoded_frame(self, codes: AnyCodes, bits: Counter[str], place: Place, after: Place) -> DecodedFrame:
         size, state = after.offset - place.offset, after.state
@@ -262,26 +311,17 @@ class ChunkDecoder:
     def _spent(self, bits: Counter[str]) -> dict[str, int]:
         return {category: bits[category] for category in categories_of(self.header.profile) if bits[category]}
 
-    def may_have_layers(self, place: Place) -> bool:
-        """Whether a layer of the frame before that is wanted may still follow at a place."""
-        layers = place.layers
-        if layers is None or not layers.takes_chunks:
-            return False
-        if layers.last >= min(layers.highest, self.header.layer_count - 1):  # a greater layer cannot follow
-            return False
-        with self.source.lock:
-            self.source.seek(place.offset)
-            following = self.source.peek()  # one byte, so that a frame is not kept back until the next chunk is whole
-        return following is not None and chunks.is_ancillary(following)
-
-    def _pace(self, place: Place, frame_type: FrameType, splats: int, work: int, end: int) -> Pace | None:
-        """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 and R-5-8."""
+    def _pace(self, place: Place, frame_type: FrameType, splats: int, work: tuple[int, int], end: int) -> Pace | None:
+        """The pace after the frame whose chunk stands at a place and ends at an offset: R-5-7 to R-5-9."""
         if place.pace is None or place.pace.next_number != place.next_number:  # after seeking, or a gap
             return None
         pace = place.pace.after(self.header, frame_type, splats, work, end - place.frame_end)
-        if (fault := pace.fault(self.header)) is not None:
-            raise broken(*fault, 8 * place.offset)
-        return pace
+        return _checked(pace, self.header, place)
+
+    @property
+    def _own_longest(self) -> int | None:
+        """The most bytes of a payload by the operating point, where that is to be asked (R-5-9)."""
+        return None if self.limits.own is None else self.limits.own.payload
 
     def check_index(self, p: Reader, place: Place) -> None:
         """Check the payload of an index at a place, wherever that is (R-6.7-1, R-6.7-2)."""
@@ -319,6 +359,19 @@ def check_complete(s: Reader, end: int, size: int) -> None:
         payload_cut = end - CRC_SIZE > size
         name, bit = ("payload", s.position) if payload_cut else ("chunk_crc", 8 * (end - CRC_SIZE))
         s.fail("R-6.2-4", f"the stream ends inside `{name}`: it was cut, or a length is wrong", bit=bit)
+
+
+def _check_none_missing(layers: Layers, layer: int, place: Place) -> None:
+    """R-15.13-6, where a chunk of `layer`, or of what ends the frame, stands at a place."""
+    if (message := layers.missing(layer)) is not None:
+        raise broken("R-15.13-6", message, 8 * place.offset)
+
+
+def _checked(pace: Pace, header: SequenceHeader, place: Place) -> Pace:
+    """A pace in which the chunk at a place breaks no rule."""
+    if (fault := pace.fault(header)) is not None:
+        raise broken(*fault, 8 * place.offset)
+    return pace
 
 
 def _check_may_stand(s: Reader, chunk_type: int, place: Place) -> None:

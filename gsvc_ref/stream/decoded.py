@@ -57,6 +57,11 @@ class DecodedFrame:
         return self.base if self.layers is None else self.layers.splats
 
     @property
+    def lacking(self) -> tuple[int, ...]:
+        """The layers, of those that are decoded, that the frame should have and that damage has taken."""
+        return () if self.layers is None else self.layers.lacking
+
+    @property
     def parts(self) -> tuple[AnyState, ...]:
         """The states of the base and of the layers, those without splats left out."""
         parts = (self.state,) if self.layers is None else self.layers.parts
@@ -187,6 +192,7 @@ class FrameSummary:
     offset: int
     size: int
     layers: tuple[LayerSummary, ...] = ()
+    lacking: tuple[int, ...] = ()  # layers that damage has taken from it
 
 
 @dataclass(frozen=True)

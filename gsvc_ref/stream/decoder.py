@@ -151,6 +151,7 @@ def decode(
     precision: "Precision" = "fast",
     threads: int | None = None,
     on_gap: Callable[[Gap], None] | None = None,
+    on_incomplete: Callable[[int, tuple[int, ...]], None] | None = None,
     max_level: int = HIGHEST_LEVEL,
     layer: int | None = None,
 ) -> Iterator[Frame]:
@@ -170,6 +171,9 @@ def decode(
     on_gap
         Salvage what is left of a damaged file: called with each gap, before the frame after it is yielded, and at the
         end. Frames that are missing are left out, so count `Gap.missing_count` to know the number of a frame.
+    on_incomplete
+        With `on_gap`: called with the number of each frame from which damage has taken layers, and with these, before
+        it is yielded.
     max_level, layer
         The highest level and the highest layer that are decoded, as in `Stream`; an open Stream keeps its own.
 
@@ -193,7 +197,7 @@ def decode(
     opened = nullcontext(source) if isinstance(source, Stream) else Stream(source, max_level=max_level, layer=layer)
     with opened as stream:
         if on_gap is not None:
-            frames = _frames_of(stream.salvage(start, stop), on_gap)
+            frames = _frames_of(stream.salvage(start, stop), on_gap, on_incomplete)
         elif thread_count(threads) > 1 and stream.has_end:
             frames = read_ahead(stream.frames(start, stop), lambda frame: len(frame.splats) <= SPLATS_AHEAD)
         else:
@@ -202,12 +206,18 @@ def decode(
             yield from shown
 
 
-def _frames_of(parts: Iterator[DecodedFrame | Gap], on_gap: Callable[[Gap], None]) -> Iterator[DecodedFrame]:
+def _frames_of(
+    parts: Iterator[DecodedFrame | Gap],
+    on_gap: Callable[[Gap], None],
+    on_incomplete: Callable[[int, tuple[int, ...]], None] | None,
+) -> Iterator[DecodedFrame]:
     for part in parts:
         if isinstance(part, Gap):
             on_gap(part)
-        else:
-            yield part
+            continue
+        if part.lacking and on_incomplete is not None:
+            on_incomplete(part.number, part.lacking)
+        yield part
 
 
 def rendered(

@@ -11,7 +11,7 @@ from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.frames import frame_codes
-from gsvc_ref.bitstream.header import PROFILES, SequenceHeader
+from gsvc_ref.bitstream.header import PROFILES, Limits, SequenceHeader
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.frames import MainState, frame_body
@@ -51,8 +51,10 @@ class Profile(Protocol):
     def initial(self, header: SequenceHeader) -> AnyState:
         """The state before the first frame, and the one in which decoding begins at an I-frame."""
 
-    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
-        """Read the rest of the payload of a frame."""
+    def read(
+        self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType, limits: Limits
+    ) -> Parsed:
+        """Read the rest of the payload of a frame, which keeps the limits."""
 
     def prepare(
         self,
@@ -75,7 +77,9 @@ class _Paper:
     def initial(self, header: SequenceHeader) -> State:
         return State.initial(header.width, header.height)
 
-    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
+    def read(
+        self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType, limits: Limits
+    ) -> Parsed:
         assert isinstance(before, State)
         codes = frame_codes(p, header, before, frame_type)
         return Parsed(codes, lambda: reconstruct(codes, before))
@@ -101,11 +105,14 @@ class _Main:
     def initial(self, header: SequenceHeader) -> MainState:
         return MainState.initial(header.width, header.height)
 
-    def read(self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType) -> Parsed:
+    def read(
+        self, p: Reader, header: SequenceHeader, before: AnyState, frame_type: FrameType, limits: Limits
+    ) -> Parsed:
         assert isinstance(before, MainState)
         if frame_type == "R":
             return Parsed(MainCodes.repeated_frame(), lambda: before)
-        body = frame_body(p, frame_type, before, header.max_lane_exponent, header.limits.splats)
+        own = None if limits.own is None else limits.own.splats
+        body = frame_body(p, frame_type, before, header.max_lane_exponent, limits.frame.splats, own_most=own)
         return Parsed(body.codes, lambda: body.after)
 
     def prepare(
@@ -140,6 +147,10 @@ def profile_of(header: SequenceHeader) -> Profile:
     return _BY_NUMBER[header.profile]
 
 
-def work_after(state: AnyState) -> int:
-    """The rendering work of the splats of a state in pairs, (5-1) or (5-2)."""
-    return state.work if isinstance(state, MainState) else rendering_work(state.splats, state.width, state.height)
+def work_after(state: AnyState, halvings: int = 0) -> int:
+    """The rendering work of the splats of a state in pairs, (5-1) or (5-2), the latter at a size halved so often."""
+    return (
+        state.work_at(halvings)
+        if isinstance(state, MainState)
+        else rendering_work(state.splats, state.width, state.height)
+    )

@@ -146,7 +146,7 @@ class StreamReader:
                 yield part
                 continue
             frame = part.frame or frame
-            if frame is not None and not self._decoder.may_have_layers(part.after):
+            if frame is not None and not (part.after.layers and part.after.layers.due):
                 yield frame
                 frame = None
 
@@ -192,6 +192,8 @@ class StreamReader:
                 if (n := part.layer) is not None:
                     layer = LayerSummary(n.layer, n.type, len(n.splats), n.bits, n.offset, n.size)
                     frames[-1] = replace(frames[-1], layers=(*frames[-1].layers, layer))
+                if frames and (layers := part.after.layers) is not None:
+                    frames[-1] = replace(frames[-1], lacking=layers.lacking)
         except GsvcError as fault:
             error = fault
         file_bytes = self._source.size

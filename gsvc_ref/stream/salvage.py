@@ -14,8 +14,11 @@ from gsvc_ref.stream.source import SourceReader
 from gsvc_ref.stream.whole_chunks import WholeChunks
 
 P_AND_R: Final = frozenset(b"PR")
-OF_A_SECOND: Final = ("R-5-7", "R-5-8")
+OF_A_SECOND: Final = ("R-5-7", "R-5-8", "R-5-9")
 """Rules about the pace of a stream: a frame that breaks one of them, and no other, is sound."""
+
+MISSING_LAYER: Final = "R-15.13-6"
+"""The rule that is broken where a chunk of a layer is missing: what stands in its place is sound."""
 
 
 @dataclass
@@ -70,9 +73,9 @@ class Salvage:
     - with an I-frame that has this number or a greater one;
     - with an end chunk whose `frame_count` is possible.
 
-    A frame that only comes too fast for a paced stream (R-5-7, R-5-8) is reported and decoded all the same. A fault in
-    a layer loses no frame of the base; all layers then are missing until they begin anew, except those that the frame
-    had before the fault.
+    A frame that only comes too fast for a paced stream (R-5-7 to R-5-9) is reported and decoded all the same. A chunk
+    of a layer that is skipped or missing loses no frame of the base: its layer, and no other one, is gone until its
+    next I, and `lacking` of a frame tells so.
 
     What follows a second sequence header, up to its end chunk, belongs to another stream and is skipped.
     """
@@ -98,9 +101,7 @@ class Salvage:
                 continue
             after = decoded.after
             if decoded.frame is None and not decoded.is_end:  # says nothing about missing frames
-                self._place = replace(
-                    self._place, offset=after.offset, index_length=after.index_length, layers=after.layers
-                )
+                self._place = replace(after, next_number=self._place.next_number)
                 yield decoded
                 continue
             number = decoded.frame.number if decoded.frame is not None else after.next_number
@@ -147,13 +148,16 @@ class Salvage:
         places = [after_gap or self._place]
         if self._gap is None and places[0] is not self._place:
             places.insert(0, self._place)  # this will fail, and opens the gap
-        for place in places:
+        while places:
+            place = places.pop(0)
             try:
                 return self._decoder.decode(place)
             except GsvcError as fault:
                 self._note(fault)
-                if fault.rule in OF_A_SECOND:  # too fast, but whole: it is decoded without a pace
-                    return self._decoder.decode(replace(place, pace=None))
+                if fault.rule in OF_A_SECOND and place.pace is not None:  # too fast, but whole
+                    places.insert(0, replace(place, pace=None))
+                elif fault.rule == MISSING_LAYER and place.layers is not None:
+                    places.insert(0, replace(place, layers=place.layers.interrupted()))
         return None
 
     def _place_after_gap(self, head: _Head) -> Place | None:

@@ -2,8 +2,8 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import astuple, dataclass, replace
 from typing import BinaryIO, Final
 
 from gsvc_base.errors import UsageError
@@ -11,11 +11,21 @@ from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import Bytes, categories_of
 from gsvc_ref.bitstream.crc import parameter_checksum
-from gsvc_ref.bitstream.frames import frame_head
-from gsvc_ref.bitstream.header import LONGEST_HEADER, SequenceHeader, check_descriptive, level_for, sequence_header
-from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.bitstream.frames import frame_head, layer_mask
+from gsvc_ref.bitstream.header import (
+    LONGEST_HEADER,
+    Level,
+    Quality,
+    SequenceHeader,
+    check_descriptive,
+    halved_size,
+    level_for,
+    sequence_header,
+)
+from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import MainState
-from gsvc_ref.main.layers import LayerHead, Layers, layer_body, layer_head
+from gsvc_ref.main.layers import Layers, layer_body, layer_checksum, layer_head, layer_number
+from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer
 from gsvc_ref.stream.pace import Pace
 from gsvc_ref.stream.profiles import AnyCodes, AnyState, MakeWriter, profile_of, work_after
@@ -24,6 +34,7 @@ MAX_INDEX_BYTES_PER_ENTRY: Final = 10
 
 PACE_REMEDIES: Final = {
     "R-5-7": "write fewer splats, or a higher level, or a stream that is not paced",
+    "R-5-9": "write fewer splats, or a higher level of that quality, or a stream that is not paced",
     "R-5-8": "write an I-frame here, or a stream that is not paced",
 }
 """How a frame that comes too fast for a paced stream may be written."""
@@ -63,6 +74,11 @@ def write_all(target: BinaryIO, data: Bytes) -> None:
         rest = rest[target.write(rest) or 0 :]
 
 
+def _parts(quality: int, base: AnyState, layers: Layers | None) -> list[AnyState]:
+    """The states whose splats a frame shows in a quality."""
+    return [base, *(state for layer, state in (layers.there if layers else {}).items() if layer <= quality)]
+
+
 class StreamWriter:
     """A `.gsvc` stream in the making; what it accepts, every conforming decoder decodes to the same splats.
 
@@ -91,11 +107,11 @@ class StreamWriter:
         check_descriptive(header)
         self.header = self._written = header if self.goes_back else replace(header, frame_count=0)
         self._least_level = least_level and self.goes_back
-        self._most_splats = self._most_work = self._longest_frame = 0
+        self._most = [Level(0, 0, 0, 0)] * header.layer_count  # what frames asked for so far, by quality
         self._profile = profile_of(header)
         self._categories = categories_of(header.profile)
         self.state = self._profile.initial(header)  # of a decoder after the frames so far
-        self._pace = Pace()
+        self._paces = [Pace(header.limits_of(quality)) for quality in range(header.layer_count)]
         self._work = 0  # of the frame before, in pairs
         # Those of the last frame, for a decoder of all layers.
         self.layers = Layers(header.layer_count - 1) if header.layer_count > 1 else None
@@ -109,90 +125,135 @@ class StreamWriter:
         self._write_chunk(chunks.HEADER_TYPE, lambda p: sequence_header(p, self.header))
         self._frame_end = self.offset
 
-    def write_frame(self, codes: AnyCodes, state: AnyState | None = None) -> DecodedFrame:
-        """Write a frame: what a reader will make of it, with the bits that each category took.
+    def write_frame(
+        self, codes: AnyCodes, state: AnyState | None = None, layers: Mapping[int, MainCodes] | None = None
+    ) -> DecodedFrame:
+        """Write a frame with the chunks of its layers: what a reader will make of it, with the bits that each took.
 
         An encoder that has the state after the frame already, ``reconstruct(codes, self.state)``, gives it, so that it
-        is not computed again; profile `main` finds it as it writes the codes. A UsageError names the rule or limit that
-        the codes break, and a parameter that is not finite after reconstruction is a GsvcError (R-8-1); nothing has
-        been written then.
+        is not computed again; profile `main` finds it as it writes the codes. `layers` has the codes of each layer that
+        has a chunk, 1 to `layer_count` - 1; they continue those of the same layer after the frame before. A layer that
+        is there and not in it is carried: it moves with the field of the base, or is repeated where the base is. A
+        `motion_cell` 0 of a layer is the field of the base (spec.md section 15.13). A UsageError names the rule or
+        limit that the codes break, and a parameter that is not finite after reconstruction is a GsvcError (R-8-1);
+        nothing has been written then.
         """
         if self.frame_count == 0 and codes.type != "I":
             raise UsageError(f"the first frame is of type {codes.type}; it must be an I-frame (R-6.4-2)")
+        named = tuple(sorted(layers or ()))
+        if named and not 0 < named[0] <= named[-1] < self.header.layer_count:
+            most = self.header.layer_count - 1
+            raise UsageError(f"frame {self.frame_count} has the layers {named}; they must be 1 to {most} (R-15.13-1)")
         prepared = self._profile.prepare(self._make_writer, self.header, self.state, codes, state)
         state = prepared.state
-        repeated = state is self.state
-        work = self._work if repeated else work_after(state)
-        if work > self.header.limits.work:
-            limit = f"level {self.header.level} allows {self.header.limits.work}"
-            raise UsageError(f"rendering frame {self.frame_count} takes {work} pairs; {limit} (R-5-4)")
+        work = self._work if state is self.state else work_after(state)
         checksum = parameter_checksum(state.splats) if self.header.parameter_checksum_flag else None
-        number, offset = self.frame_count, self.offset
+        number, shown = self.frame_count, self.layers
+        if shown is not None:
+            assert isinstance(state, MainState)
+            moves = codes.field if isinstance(codes, MainCodes) and codes.type == "P" else NO_FIELD
+            shown = shown.after(codes.type, state, named, moves, number)
+            self._check("splats", "R-5-2", shown.count)
+        self._check("work", "R-5-4", work if shown is None else shown.work())
 
         def content(p: Writer) -> None:
             frame_head(p, self.header, number, number, checksum)
+            layer_mask(p, self.header, named)
             prepared.write(p)
 
-        # The whole chunk is made, and all limits are checked, before a byte is written.
-        s, payload_bits = self._chunk(ord(codes.type), content)
-        size = offset + len(s.getvalue()) - self._frame_end
-        pace = self._pace.after(self.header, codes.type, len(state.splats), work, size)
-        if self.header.paced_flag and (fault := pace.fault(self.header)) is not None:
-            rule, message = fault
-            raise UsageError(f"{message} ({rule}); {PACE_REMEDIES[rule]}")
-        bits = self._append(s, payload_bits)
+        # All chunks are made, and all limits are checked, before a byte is written.
+        made = [self._chunk(ord(codes.type), content)]
+        counts = {0: prepared.splats, **({} if shown is None else {n: len(s.values) for n, s in shown.there.items()})}
+        steps: list[tuple[int, MainCodes, Layers]] = []
+        for layer in named:
+            assert shown is not None
+            assert layers is not None
+            begin = self.offset + sum(len(s.getvalue()) for s, _ in made)
+            chunk, shown = self._layer_chunk(layer, layers[layer], shown, begin)
+            made.append(chunk)
+            steps.append((layer, layers[layer], shown))
+            counts[layer] = max(len(layers[layer].modes) + layers[layer].intra_count, len(shown.there[layer].values))
+            self._check("work", "R-5-4", shown.work())
+        sizes = [len(s.getvalue()) for s, _ in made]
+        payloads = dict(zip((0, *named), (sum(bits.values()) // 8 for _, bits in made), strict=True))
+        needs = [self._need(quality, state, shown, counts, payloads) for quality in range(self.header.layer_count)]
+        paces = self._paced(codes.type, state, shown, needs, self.offset - self._frame_end + sum(sizes))
+        offsets = [self.offset + sum(sizes[:i]) for i in range(len(sizes))]
+        bits = [self._append(*one) for one in made]
         if codes.type == "I" and self._entries is not None:
-            self._entries.append(_IndexEntry(self.frame_count, offset))
+            self._entries.append(_IndexEntry(self.frame_count, offsets[0]))
         self.frame_count += 1
-        self._most_splats = max(self._most_splats, prepared.splats)
-        self._most_work = max(self._most_work, work)
-        self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
-        self.state, self._pace, self._work, self._frame_end = state, pace, work, self.offset
-        if self.layers is not None:
-            assert isinstance(state, MainState)
-            self.layers = self.layers.after(codes.type, state)
-        spent = {category: bits[category] for category in self._categories if bits[category]}
-        size = self.offset - offset
-        return DecodedFrame(number, codes.type, codes, state.splats, spent, offset, size, state)
+        self._most = [
+            Level(*map(max, astuple(most), astuple(need))) for most, need in zip(self._most, needs, strict=True)
+        ]
+        self.state, self.layers, self._paces, self._work, self._frame_end = state, shown, paces, work, self.offset
+        spent = [{category: one[category] for category in self._categories if one[category]} for one in bits]
+        written = tuple(
+            DecodedLayer(number, layer, of.type, of, step.there[layer].splats, spent[i], offsets[i], sizes[i], step)
+            for i, (layer, of, step) in enumerate(steps, 1)
+        )
+        return DecodedFrame(
+            number, codes.type, codes, state.splats, spent[0], offsets[0], sizes[0], state, written, shown
+        )
 
-    def write_layer(self, layer: int, codes: MainCodes) -> DecodedLayer:
-        """Write a layer of the frame written last: what a reader will make of it (spec.md section 15.13).
-
-        `layer` is 1 to `layer_count` - 1, greater than that of any layer written after the same frame, and its codes
-        continue those of the same layer after the frame before. A UsageError names the rule or limit that the codes
-        break; nothing has been written then.
-        """
-        if self.layers is None or self.layers.base is None:
-            raise UsageError("a layer needs a header with a `layer_count` above 1, and a frame that it is added to")
-        header, before, offset = self.header, self.layers, self.offset
-        if not before.last < layer < header.layer_count:
-            least, most = before.last + 1, header.layer_count - 1
-            raise UsageError(f"layer {layer} cannot stand here; it must be {least} to {most} (R-15.13-1)")
-        body = self._make_writer(0)
-        state = layer_body(body, header, before, layer, codes.type, codes).after
-        after = before.with_layer(layer, state)
-        work = after.work
-        if work > header.limits.work:
-            limit = f"level {header.level} allows {header.limits.work}"
-            raise UsageError(
-                f"rendering frame {self.frame_count - 1} with layer {layer} takes {work} pairs; {limit} (R-5-4)"
-            )
-        checksum = state.checksum if header.parameter_checksum_flag else None
+    def _layer_chunk(
+        self, layer: int, codes: MainCodes, before: Layers, begin: int
+    ) -> tuple[tuple[Writer, Counter[str]], Layers]:
+        """The chunk of a layer that begins at a byte, and the layers after it."""
+        after = before
 
         def content(p: Writer) -> None:
-            layer_head(p, header, before, LayerHead(layer, codes.type, checksum))
+            nonlocal after
+            layer_number(p, before, layer)
+            layer_head(p, self.header, before, layer, codes.type)
+            body = self._make_writer(0)
+            state = layer_body(body, self.header, before, layer, codes.type, codes).after
+            layer_checksum(p, self.header, state.checksum if self.header.parameter_checksum_flag else 0)
             p.append(body)
+            after = before.with_layer(layer, state)
 
-        s, payload_bits = self._chunk(chunks.LAYER_TYPE, content)
-        bits = self._append(s, payload_bits)
-        self.layers = after
-        splats = before.others(layer) + len(codes.modes) + codes.intra_count
-        self._most_splats = max(self._most_splats, splats, before.others(layer) + len(state.values))
-        self._most_work = max(self._most_work, work)
-        self._longest_frame = max(self._longest_frame, sum(payload_bits.values()) // 8)
-        spent = {category: bits[category] for category in self._categories if bits[category]}
-        size = self.offset - offset
-        return DecodedLayer(self.frame_count - 1, layer, codes.type, codes, state.splats, spent, offset, size, after)
+        return self._chunk(chunks.LAYER_TYPE, content, begin), after
+
+    def _need(
+        self, quality: int, state: AnyState, shown: Layers | None, counts: dict[int, int], payloads: dict[int, int]
+    ) -> Level:
+        """What a frame asks of the level of a quality, at the size of its operating point (R-5-9)."""
+        point = self.header.limits_of(quality).quality
+        halvings = 0 if point is None else point.halvings
+        columns, rows = halved_size(self.header.width, self.header.height, halvings)
+        need = Level(
+            columns * rows,
+            sum(count for layer, count in counts.items() if layer <= quality),
+            sum(work_after(part, halvings) for part in _parts(quality, state, shown)),
+            max(size for layer, size in payloads.items() if layer <= quality),
+        )
+        for name, rule in {"splats": "R-5-2", "work": "R-5-4", "payload": "R-5-3"}.items():
+            if point is not None:
+                self._check(name, rule, 0, getattr(need, name), quality)
+        return need
+
+    def _check(self, name: str, rule: str, amount: int, own: int = 0, quality: int = 0) -> None:
+        """Refuse what a frame has too much of, by the level or by the operating point of a quality."""
+        if (fault := self.header.limits_of(quality).fault(name, rule, amount, own)) is not None:
+            what = {"splats": "splats", "work": "pairs of rendering work", "payload": "bytes in a chunk"}[name]
+            frame = f"frame {self.frame_count} has {max(amount, own)} {what}"
+            raise UsageError(f"{frame}; {fault[1]} ({fault[0]})")
+
+    def _paced(
+        self, frame_type: FrameType, state: AnyState, shown: Layers | None, needs: list[Level], size: int
+    ) -> list[Pace]:
+        """The pace after a frame whose chunks have this many bytes, for each quality."""
+        if not self.header.paced_flag:
+            return self._paces
+        paces = []
+        for quality, (pace, need) in enumerate(zip(self._paces, needs, strict=True)):
+            parts = _parts(quality, state, shown)
+            splats, work = sum(len(part.splats) for part in parts), sum(work_after(part) for part in parts)
+            paces.append(pace.after(self.header, frame_type, splats, (work, need.work), size))
+            if (fault := paces[-1].fault(self.header)) is not None:
+                rule, message = fault
+                raise UsageError(f"{message} ({rule}); {PACE_REMEDIES[rule]}")
+        return paces
 
     def write_ancillary(self, chunk_type: str, payload: bytes) -> None:
         """Write a chunk that decoders skip; its type is a lower-case ASCII letter but x.
@@ -242,11 +303,15 @@ class StreamWriter:
 
     def _lower_level(self) -> None:
         """Take the least level that allows the frames that were written."""
-        level = level_for(
-            self.header.width, self.header.height,
-            splats=self._most_splats, work=self._most_work, payload=self._longest_frame,
-        )  # fmt: skip
-        self.header = replace(self.header, level=level)
+        header = self.header
+        if any(point.halvings for point in header.operating_points):  # they are what the caller promises
+            return
+        levels = [
+            level_for(header.width, header.height, splats=most.splats, work=most.work, payload=most.payload)
+            for most in self._most
+        ]
+        qualities = tuple(map(Quality, levels)) if header.layer_count > 1 else ()
+        self.header = replace(header, level=levels[-1], qualities=qualities)
 
     def _correct_header(self) -> None:
         if not self.goes_back:
@@ -268,13 +333,15 @@ class StreamWriter:
         """Write a chunk whose payload `content` writes; its bits by category."""
         return self._append(*self._chunk(chunk_type, content))
 
-    def _chunk(self, chunk_type: int, content: Callable[[Writer], object]) -> tuple[Writer, Counter[str]]:
-        """A chunk whose payload `content` writes, and the bits of the payload by category."""
+    def _chunk(
+        self, chunk_type: int, content: Callable[[Writer], object], begin: int | None = None
+    ) -> tuple[Writer, Counter[str]]:
+        """A chunk whose payload `content` writes, and the bits of the payload by category; by default it comes next."""
         if self._finished:
             raise UsageError("the stream is finished; make a new StreamWriter for another one")
         p = self._make_writer(0)
         content(p)
-        s = self._make_writer(8 * self.offset)
+        s = self._make_writer(8 * (self.offset if begin is None else begin))
         chunks.chunk(s, self._longest_payload, chunk_type, p.getvalue())
         return s, p.bits_by_category()
 

@@ -151,9 +151,7 @@ def write_stream(
     for number, codes in enumerate(frames):
         if ancillary and number in ancillary:
             writer.write_ancillary(*ancillary[number])
-        writer.write_frame(codes)
-        for layer, layer_codes in (layers or {}).get(number, ()):
-            writer.write_layer(layer, layer_codes)
+        writer.write_frame(codes, layers=dict((layers or {}).get(number, ())))
     writer.finish()
     missing = [lie for lie in lies if lie not in liar.written]
     if missing:

@@ -14,7 +14,7 @@ from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, header_elements
 from gsvc_ref.main.cells import halving_count
-from gsvc_ref.main.codes import SIDES, MainCodes
+from gsvc_ref.main.codes import NO_FIELD, SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
 from gsvc_ref.main.frames import MainState, code_run
 from gsvc_ref.main.layers import Layers
@@ -72,7 +72,7 @@ def random_main_stream(
 def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
     """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities.
 
-    Where `layer_count` allows it, frames have layers; a chunk of each follows most frames.
+    Where `layer_count` allows it, frames have layers; a chunk of each follows most frames, and carries it over others.
     """
     header = make_main_header(choices, max_pixels=max_pixels)
     state = MainState.initial(header.width, header.height)
@@ -84,13 +84,12 @@ def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_p
         frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
         codes.append(frame)
         splats.append(state.splats)
-        layers_now = layers_now.after(frame.type, state)
         layers[number] = []
-        for layer in range(1, header.layer_count):
-            room = ANY_SIZE_SPLATS - layers_now.others(layer) - len(layers_now.start_of(layer, header).values)
-            if room >= 0 and choices.integer(0, 3) > 0:
-                layer_codes, layers_now = make_layer(choices, header, layers_now, layer, max_count=max_count)
-                layers[number].append((layer, layer_codes))
+        named = [layer for layer in range(1, header.layer_count) if choices.integer(0, 3) > 0]
+        layers_now = layers_now.after(frame.type, state, named, frame.field if frame.type == "P" else NO_FIELD, number)
+        for layer in named:
+            layer_codes, layers_now = make_layer(choices, header, layers_now, layer, max_count=max_count)
+            layers[number].append((layer, layer_codes))
     header = replace(header, frame_count=len(codes))
     data = write_stream(header, codes, index=choices.boolean(), layers=layers)
     return Stream(data, header, codes, splats, layers)
@@ -103,7 +102,7 @@ def make_layer(
     types = "IPR" if layer in layers.before else "I"
     before, taken = layers.start_of(layer, header), layers.others(layer)
     codes, state = make_main_frame(choices, header, before, types=types, max_count=max_count, taken=taken)
-    return codes, layers.with_layer(layer, state)
+    return codes, layers.with_layer(layer, replace(state, inherited=NO_FIELD))
 
 
 def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:

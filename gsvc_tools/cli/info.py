@@ -153,7 +153,10 @@ def describe(
         lines += [_rate_line(summary), *_time_lines(summary), _type_line(summary.frames), *_layer_lines(summary)]
     lines += ["", *bit_lines(summary)]
     if summary.gaps:
-        lines += ["", *all_gaps(summary.gaps).lines()]
+        gaps = all_gaps(summary.gaps)
+        for frame in summary.frames:
+            gaps.incomplete(frame.number, frame.lacking)
+        lines += ["", *gaps.lines()]
     return lines + (["", *_frame_lines(summary.frames)] if frame_by_frame and summary.frames else [])
 
 
@@ -180,6 +183,12 @@ def _tool_lines(header: "SequenceHeader") -> list[str]:
 
     if header.profile == MAIN:
         layers = f"{plural(header.layer_count, 'layer')}" if header.layer_count > 1 else "one layer"
+        if header.layer_count > 1:
+            points = [
+                f"{point.level}" + (f" at 1/{1 << point.halvings}" if point.halvings else "")
+                for point in header.operating_points
+            ]
+            layers += f" of level{'s' if len({*points}) > 1 else ''} {', '.join(dict.fromkeys(points))}"
         return [f"  tools       up to {plural(header.lane_count, 'lane')} of the entropy coder, {layers}"]
     return [
         f"  quantisers  Cholesky {header.cholesky_bits} bits; colours up to {plural(header.color_stages, 'stage')} of "

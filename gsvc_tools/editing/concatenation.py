@@ -12,7 +12,7 @@ from gsvc_ref.bitstream.header import SequenceHeader, header_elements
 from gsvc_ref.stream.seeking import read_end
 from gsvc_tools.editing.copying import ConcatReport, CopiedStream, OnPart, OpenedPart, Opening, Part, sound_chunks
 
-MAY_DIFFER: Final = ("level", "frame_count", "paced_flag")
+MAY_DIFFER: Final = ("level", "qualities", "frame_count", "paced_flag")
 """Elements of the sequence header that need not be the same in all parts (R-6.10-1)."""
 
 CHOSEN: Final = ("cholesky_bits", "color_stages", "color_codewords")
@@ -81,7 +81,11 @@ def _joined_opening(parts: Sequence[OpenedPart]) -> Opening:
     if sum(counts) >= UV_LIMIT:
         raise UsageError(f"together the parts have {sum(counts)} frames; a stream may have {UV_LIMIT - 1}: join fewer")
     level, frame_count = max(header.level for header in headers), sum(counts) if all(counts) else 0
-    header = replace(headers[0], level=level, frame_count=frame_count, paced_flag=False)  # R-6.10-2
+    points = zip(*(header.operating_points for header in headers), strict=True)
+    qualities = tuple(max(of_parts) for of_parts in points)  # by their levels: the halvings are the same
+    header = replace(
+        headers[0], level=level, qualities=qualities, frame_count=frame_count, paced_flag=False
+    )  # R-6.10-2
     return replace(first.opening, header=header)
 
 
@@ -92,6 +96,8 @@ def _check_goes_with(first: OpenedPart, part: OpenedPart) -> None:
     for element in fields(SequenceHeader):
         if element.name not in MAY_DIFFER:
             pairs.append((element.name, getattr(ours.header, element.name), getattr(theirs.header, element.name)))
+    a, b = ([point.halvings for point in opening.header.operating_points] for opening in (ours, theirs))
+    pairs.append(("quality_halvings", a, b))
     last = header_elements(ours.header.profile)[-1]
     pairs.append((f"what follows `{last}`", ours.later.hex(" "), theirs.later.hex(" ")))
     for name, a, b in pairs:

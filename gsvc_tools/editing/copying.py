@@ -17,7 +17,7 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
 from gsvc_ref.bitstream.frames import frame_number_of
-from gsvc_ref.bitstream.header import MAIN, SequenceHeader, sequence_header
+from gsvc_ref.bitstream.header import LEVELS, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source
@@ -155,11 +155,18 @@ class CopiedStream:
         self._write_chunk(chunks.HEADER_TYPE, p.getvalue(), opening.later)
 
     def copy(
-        self, name: str, stream: ChunkDecoder, selection: Iterable[tuple[int, Reader]], *, with_times: bool = True
+        self,
+        name: str,
+        stream: ChunkDecoder,
+        selection: Iterable[tuple[int, Reader]],
+        *,
+        start: int = 0,
+        with_times: bool = True,
     ) -> Iterator[int]:
         """Copy the chunks `selection` of a part (R-6.10-3, R-6.10-4); yields the bytes of it that have been read.
 
-        Without `with_times` those of time stamps are left out; otherwise they are those of `times`.
+        `start` is the number that the first of its frames has in the part. Without `with_times` time stamps are left
+        out; otherwise they are those of `times`.
         """
         first = self.frame_count
         for chunk_type, p in selection:
@@ -167,7 +174,11 @@ class CopiedStream:
             if chunk_type in chunks.FRAMES:
                 self._write_frame(name, chunk_type, rest)
             elif (with_times and chunk_type == ord(TIMES)) or self._may_stay(chunk_type, rest, first):
-                self._write_chunk(chunk_type, rest)
+                if chunk_type == chunks.LAYER_TYPE and self._header.layer_count > 1 and rest:
+                    low = rest[0] + first - start & 15  # of a wrong `frame_low` another wrong one
+                    self._write_chunk(chunk_type, bytes([rest[0] & 0xF0 | low]), rest[1:])
+                else:
+                    self._write_chunk(chunk_type, rest)
             else:
                 self._left_out[chr(chunk_type)] += 1
             yield stream.source.offset
@@ -191,7 +202,9 @@ class CopiedStream:
     def _may_stay(self, chunk_type: int, payload: Bytes, first: int) -> bool:
         """Whether an ancillary chunk of a part whose first frame gets the number `first` stays true (R-6.10-4)."""
         if chunk_type == chunks.LAYER_TYPE and self._header.profile == MAIN:  # the number of the layer comes first
-            return self.frame_count > first and (len(payload) == 0 or payload[0] < self._header.layer_count)
+            return self.frame_count > first and (len(payload) == 0 or payload[0] >> 6 < self._header.layer_count)
+        if len(payload) > self._header.limits.payload:  # a cut to lower layers may have lowered the level
+            return False
         if chr(chunk_type) == chunks.DECISIONS and self._same_frames:
             return True
         without_frame = belongs_to_frame(chunk_type) and self.frame_count == first > 0
@@ -199,11 +212,12 @@ class CopiedStream:
 
     def _write_frame(self, name: str, chunk_type: int, rest: Bytes) -> None:
         number = encode_uv(self.frame_count)
-        size, most = len(number) + len(rest), self._header.limits.payload
+        level = self._header.operating_points[0].level if self._header.operating_points else self._header.level
+        size, most = len(number) + len(rest), LEVELS[level].payload
         if size > most:
             raise UsageError(
                 f"frame {self.frame_count}, of {name}, would have a chunk of {size} bytes with its new number; level "
-                f"{self._header.level} allows {most} (R-5-3): put {name} before the others, or join fewer"
+                f"{level} allows {most} (R-5-3): put {name} before the others, or join fewer"
             )
         if chunk_type == chunks.I_TYPE and self._index is not None:
             self._index.add(self.frame_count, self._offset)

@@ -12,7 +12,7 @@ from gsvc_base.errors import UsageError
 from gsvc_base.files import opened_output
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
-from gsvc_ref.bitstream.header import SequenceHeader
+from gsvc_ref.bitstream.header import Quality, SequenceHeader
 from gsvc_tools.editing.copying import (
     ConcatReport,
     CopiedStream,
@@ -43,7 +43,8 @@ def cut(
     target
         As in `concat`.
     layer
-        The highest layer that stays; 0 is the base alone. `layer_count` becomes one more. None: all stay.
+        The highest layer that stays; 0 is the base alone. `layer_count` becomes one more, and `level` that of what
+        stays. None: all stay.
     start, stop
         The frames that stay are those from `start` to `stop` - 1, or to the end. The first one must be an I-frame.
     progress
@@ -78,7 +79,7 @@ def cut(
         result = CopiedStream(file, opening, same_frames=start == 0 and stop is None)
         timed = result.times.of_part(sound_chunks(stream), start, stop, 0)
         selection = _selection(part.name, timed, start, stop)
-        for offset in result.copy(part.name, stream, selection):
+        for offset in result.copy(part.name, stream, selection, start=start):
             if progress is not None:
                 progress(0, offset, part.size)
         return result.finish()
@@ -90,7 +91,19 @@ def _header(header: SequenceHeader, layer: int, start: int, stop: int | None) ->
     if count:
         count = max(1, (count if stop is None else stop) - start)  # fewer than one are refused when the end is read
     same_seconds = start % header.frames_of_second == 0
-    return replace(header, layer_count=layer + 1, frame_count=count, paced_flag=header.paced_flag and same_seconds)
+    return replace(up_to(header, layer), frame_count=count, paced_flag=header.paced_flag and same_seconds)
+
+
+def up_to(header: SequenceHeader, layer: int) -> SequenceHeader:
+    """The sequence header of a stream whose layers above one are dropped (spec.md section 15.13)."""
+    if layer + 1 >= header.layer_count:
+        return header
+    points, level = header.operating_points[: layer + 1], header.level
+    if not any(point.halvings for point in points):
+        level = max(point.level for point in points)
+    elif max(point.level for point in points) < level:
+        points = (*points[:-1], Quality(level, points[-1].halvings))
+    return replace(header, layer_count=layer + 1, level=level, qualities=points if layer else ())
 
 
 def _selection(

@@ -63,9 +63,7 @@ class GroupWriter:
         UsageError, GsvcError
             The frame breaks a limit of the level.
         """
-        self._writer.write_frame(encoded.codes, encoded.state)
-        for part in filter(encoded.has_chunk, encoded.layers):
-            self._writer.write_layer(part.layer, part.codes)
+        self._writer.write_frame(encoded.codes, encoded.state, encoded.chunks)
         record = {
             "digest": digest,
             "seconds": seconds,

@@ -198,9 +198,7 @@ class _Written:
         if self._writer is None:  # what the header says of a coder is known after its first frame
             self._writer = StreamWriter(BytesIO(), header_so_far(coder, self._video), index=False)
         begin = self._writer.offset
-        self._writer.write_frame(encoded.codes, encoded.state)
-        for part in filter(encoded.has_chunk, encoded.layers):
-            self._writer.write_layer(part.layer, part.codes)
+        self._writer.write_frame(encoded.codes, encoded.state, encoded.chunks)
         return 8.0 * (self._writer.offset - begin)
 
 

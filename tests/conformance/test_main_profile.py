@@ -27,9 +27,7 @@ from gsvc_ref import spec
 from gsvc_ref.stream import reconstruct_stream
 
 OF_MAIN: Final = [
-    name
-    for name in sections()
-    if is_of_main(name) and all(port.type != "stream" for port in operations()[name].inputs)
+    name for name in sections() if is_of_main(name) and all(port.type != "stream" for port in operations()[name].inputs)
 ]
 ELEMENTARY: Final = [case for case in cases().values() if case.operation.name in OF_MAIN and case.tier in TIERS]
 OF_STREAMS: Final = [

@@ -28,7 +28,7 @@ STDIN: Final = Path("-")
 MAX_SHOWN: Final = 8
 """I-frames whose numbers a sentence has."""
 
-Counted = tuple[str, int, int, tuple[int, int] | None]
+Counted = tuple[str, int, int]
 """What a decoder counts of a frame, as in a `Frame`."""
 
 OnFrame = Callable[[str, int], object]
@@ -39,15 +39,13 @@ OnFrame = Callable[[str, int], object]
 class Frame:
     """A frame of a stream: its type, splats, rendering work (5-1), and its bytes as section 5 counts them.
 
-    Of a stream with layers splats and work are those of all layers, as a level counts them (R-15.13-3); `base` has
-    those of the base, which are what a second counts (R-5-7).
+    Of a stream with layers they count those of the quality that was read last, and all bytes (R-15.13-3).
     """
 
     type: str
     splats: int
     work: int
     bytes: int
-    base: tuple[int, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ class Outcome:
     Attributes
     ----------
     frames
-        Type, splats and rendering work of each complete frame, and splats and work of its base if it may have layers.
+        Type, splats and rendering work of each complete frame.
     error
         ``KIND RULE BIT``; empty if it accepts the file.
     element, message
@@ -90,7 +88,11 @@ class Finding:
     file
         Its name.
     legal
-        Whether each decoder that was asked accepts it.
+        Whether each decoder that was asked accepts it, in every quality.
+    quality
+        The greatest quality of which it is legal (R-13-9), 0 for a stream without layers; None if it is legal of none.
+    layer
+        The layer that is at fault where the qualities below it are legal; None without such a fault.
     decoders
         The decoders that were asked.
     error
@@ -115,6 +117,8 @@ class Finding:
 
     file: str
     legal: bool
+    quality: int | None
+    layer: int | None
     decoders: tuple[str, ...]
     error: str
     element: str
@@ -134,7 +138,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.epilog = (
         "Each file is read by the decoder inside spec.md, which is slow, and by gsvc_ref where that is installed. "
         "Legal is what both accept: a stream by sections 3 to 8. No frame is rendered, as legality does not depend on "
-        "pixels. A stream with layers is read in its highest quality. "
+        "pixels. A stream with layers is read in each quality, and may be legal of the lower ones alone. "
         "What no decoder checks is not checked here, such as the contents of ancillary chunks. Exit code 0: all files "
         "are legal; 1: one is not; 2: one cannot be read."
     )
@@ -187,7 +191,7 @@ def chosen_decoders(only: str | None) -> tuple[str, ...]:
 
 def _progress(display: ProgressDisplay, title: str, data: bytes) -> OnFrame:
     """A function that shows how many of the frames of a file are read."""
-    count = sum(1 for _ in _frame_sizes(_chunks(data))) if display.active else 0
+    count = sum(1 for _ in _frame_sizes(_chunks(data), with_layers=False)) if display.active else 0
     return lambda decoder, frame: display.update(f"{title}, {decoder}: frame {frame}", frame + 1, count)
 
 
@@ -211,17 +215,21 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         Is called with the decoder and the number of each frame that it has read.
     """
     asked = {SPEC: _by_spec, REFERENCE: _by_reference}
-    outcomes = {name: asked[name](data, on_frame or _nothing) for name in decoders}
-    first, last = outcomes[decoders[0]], outcomes[decoders[-1]]
-    other = "" if first.verdict == last.verdict else last.words
-    legal = not first.error and not other
     header = Decoding(data).header
+    for quality in range(header.get("layer_count", 1)):
+        outcomes = {name: asked[name](data, quality, on_frame or _nothing) for name in decoders}
+        first, last = outcomes[decoders[0]], outcomes[decoders[-1]]
+        other = "" if first.verdict == last.verdict else last.words
+        legal = not first.error and not other
+        if not legal:
+            break
+    greatest = quality - (not legal)
     chunks = _chunks(data)
-    frames = tuple(
-        Frame(*frame[:3], size, frame[3]) for frame, size in zip(first.frames, _frame_sizes(chunks), strict=False)
-    )  # fmt: skip
+    sizes = _frame_sizes(chunks, with_layers=header.get("layer_count", 1) > 1)
+    frames = tuple(Frame(*frame, size) for frame, size in zip(first.frames, sizes, strict=False))
     return Finding(
-        file, legal, decoders, first.error, first.element, last.message or _rule(first.error), other,
+        file, legal, greatest if greatest >= 0 else None, quality if not legal and quality > 0 else None,
+        decoders, first.error, first.element, last.message or _rule(first.error), other,
         PROFILES[header["profile"]] if header else None, header.get("level"),
         bool(header["flags"] & 2) if header else None,
         least_level(header, frames, max(size for _, size, _ in chunks)) if legal else None, len(data),
@@ -238,11 +246,11 @@ def _nothing(decoder: str, frame: int) -> None:
     """Nobody wants to know."""
 
 
-def _by_spec(data: bytes, on_frame: OnFrame) -> Outcome:
-    decoding = Decoding(data, layers=True)
+def _by_spec(data: bytes, quality: int, on_frame: OnFrame) -> Outcome:
+    decoding = Decoding(data, quality=quality)
     found = []
     for number, frame in enumerate(decoding.frames()):
-        found.append((frame.type, len(frame.parameters), frame.work, frame.base))
+        found.append((frame.type, len(frame.parameters), frame.work))
         on_frame(SPEC, number)
     fault = decoding.fault
     return Outcome(
@@ -250,14 +258,14 @@ def _by_spec(data: bytes, on_frame: OnFrame) -> Outcome:
     )
 
 
-def _by_reference(data: bytes, on_frame: OnFrame) -> Outcome:
+def _by_reference(data: bytes, quality: int, on_frame: OnFrame) -> Outcome:
     from gsvc_conformance.diagnosis.streams import element_at
     from gsvc_ref._jit import SMALL_TO_READ, plain_kernels
 
     found = []
     try:
         with plain_kernels() if len(data) <= SMALL_TO_READ else nullcontext():
-            for number, frame in enumerate(_reference_frames(data)):
+            for number, frame in enumerate(_reference_frames(data, quality)):
                 found.append(frame)
                 on_frame(REFERENCE, number)
     except GsvcError as fault:
@@ -266,16 +274,13 @@ def _by_reference(data: bytes, on_frame: OnFrame) -> Outcome:
     return Outcome(tuple(found), "")
 
 
-def _reference_frames(data: bytes) -> Iterator[Counted]:
+def _reference_frames(data: bytes, quality: int) -> Iterator[Counted]:
     from gsvc_ref.stream import StreamReader
     from gsvc_ref.stream.profiles import work_after
 
-    for frame in StreamReader(data, layer=None):
-        work = work_after(frame.state)
-        if frame.layers is None:
-            yield frame.type, len(frame.splats), work, None
-        else:
-            yield frame.type, len(frame.splats), frame.layers.work, (len(frame.base), work)
+    for frame in StreamReader(data, layer=quality):
+        work = work_after(frame.state) if frame.layers is None else frame.layers.work()
+        yield frame.type, len(frame.splats), work
 
 
 def _chunks(data: bytes) -> list[tuple[str, int, int]]:
@@ -293,14 +298,19 @@ def _chunks(data: bytes) -> list[tuple[str, int, int]]:
     return found
 
 
-def _frame_sizes(chunks: list[tuple[str, int, int]]) -> Iterator[int]:
-    """The bytes of each frame: those of its chunk, and of ancillary chunks that stand before it."""
+def _frame_sizes(chunks: list[tuple[str, int, int]], *, with_layers: bool) -> Iterator[int]:
+    """The bytes of each frame: its chunk, ancillary chunks before it, and its layers with those between."""
+    sizes: list[int] = []
     waiting = 0
     for chunk_type, _, size in chunks:
         waiting += size
         if chunk_type in namespace()["FRAMES"]:
-            yield waiting
+            sizes.append(waiting)
             waiting = 0
+        elif chunk_type == "n" and with_layers and sizes:
+            sizes[-1] += waiting
+            waiting = 0
+    return iter(sizes)
 
 
 def least_level(header: Any, frames: tuple[Frame, ...], payload: int) -> int:
@@ -311,8 +321,6 @@ def least_level(header: Any, frames: tuple[Frame, ...], payload: int) -> int:
     needed = {name: max(amounts[name] for amounts in each) for name in AMOUNTS} | {"payload": payload}
     if header["flags"] & 2:
         k = spec["frames_of_second"](header)
-        for frame, amounts in zip(frames, each, strict=True):
-            amounts["splats"], amounts["work"] = frame.base or (frame.splats, frame.work)
         for name, share in spec["PER_SECOND"].items():
             seconds = (sum(amounts[name] for amounts in each[first : first + k]) for first in range(0, len(each), k))
             needed[name] = max(needed[name], -(-max(seconds) // share))
@@ -337,13 +345,17 @@ def sentence(finding: Finding) -> str:
     if not finding.legal:
         at = f", at {finding.element}" if finding.element else ""
         message = f": {finding.message}" if finding.message else ""
-        return f"{finding.file}: refused ({finding.error}) after {count}{at}{message}"
+        said = f"refused ({finding.error}) after {count}{at}{message}"
+        if finding.layer is None:
+            return f"{finding.file}: {said}"
+        return f"{finding.file}: legal of quality {finding.quality}; with layer {finding.layer} {said}"
+    of_quality = f" of every quality up to {finding.quality}" if finding.quality else ""
     paced = "paced" if finding.paced else "not paced"
     level = f"level {finding.level}" + (
         f" ({finding.least_level} would do)" if finding.least_level != finding.level else ""
     )
     return (
-        f"{finding.file}: legal, class stream, profile {finding.profile}, {level}, {paced}: {count}, "
+        f"{finding.file}: legal{of_quality}, class stream, profile {finding.profile}, {level}, {paced}: {count}, "
         f"{_i_frames(finding.i_frames)}, {plural(finding.bytes, 'byte')}"
     )
 

@@ -1,7 +1,7 @@
 """Mutants of descriptors, chunks, frames, planes, entropy coding and counters."""
 
 from gsvc_conformance.mutants.mutant import Mutant, mutant
-from gsvc_conformance.mutants.places import FLAG, LIMIT, NUMBER, all_work, in_frames, modulo
+from gsvc_conformance.mutants.places import FLAG, NUMBER, all_work, in_frames, modulo
 
 AREA = "bitstream"
 ENTROPY = "entropy coding"
@@ -185,7 +185,7 @@ COUNTERS: tuple[Mutant, ...] = (
         ("for frame in read_frames(s, state)])}", "for frame in read_frames(s, state)][:256])}"),
         ('return {"frames": np.stack(frames)}', 'return {"frames": np.stack(frames[:256])}')),
     mutant(AREA, "work-32-bits", "the rendering work of a frame in 32 bits",
-        *all_work("    work = work % 2**32\n" + LIMIT)),
+        *all_work("amounts = [amount % 2**32 for amount in amounts]")),
     mutant(ENTROPY, "word-bytes-32-bits", "the bytes of the words counted in 32 bits",
         ("    if 2 * word_count > p.bits_left() // 8:", "    word_count %= 2**31\n    if 2 * word_count > p.bits_left() // 8:")),
     mutant(AREA, "index-numbers-32-bits", "frame numbers of an index that exceed 32 bits refused",

@@ -1,7 +1,7 @@
 """Mutants of checks: rules that are not checked, limits that are one off, another order or kind, later minor versions."""
 
 from gsvc_conformance.mutants.mutant import Mutant, mutant
-from gsvc_conformance.mutants.places import COUNTS, ERROR, LIMIT, all_work, frame_numbers, frame_work
+from gsvc_conformance.mutants.places import COUNTS, ERROR, all_work, frame_numbers
 
 ERRORS = "errors"
 
@@ -22,7 +22,7 @@ CHECKS: tuple[Mutant, ...] = (
     unchecked("R-5-1", "too many pixels accepted", ('header["width"] * value > LEVELS', 'header["width"] > LEVELS')),
     unchecked("R-5-3", "too long chunks accepted",
               ('if chunk_length > (LONGEST_HEADER if chunk_type == "H" else longest):', "if chunk_length > longest:")),
-    unchecked("R-5-4", "any rendering work accepted", *all_work("")),
+    unchecked("R-5-4", "any rendering work accepted", *all_work("return")),
     unchecked("R-6.1-1", "half of the magic number compared", ("if s.raw(8) != MAGIC:", "if s.raw(8)[:5] != MAGIC[:5]:")),
     unchecked("R-6.1-3", "a first chunk of any type taken for the header", ('if chunk_type != "H":  # R-6.1-3', "if False:")),
     unchecked("R-6.1-4", "bytes behind the end accepted", ("if s.bits_left() > 0:  # R-6.1-4", "if False:")),
@@ -72,7 +72,11 @@ CHECKS: tuple[Mutant, ...] = (
         ('        self.kept = {"intra": {}, "inter": {}}',
          '        self.kept = {"intra": {}, "inter": getattr(self, "kept", {}).get("inter", {})}')),
     mutant(ERRORS, "work-of-p-frames-unchecked", "the rendering work of I-frames alone held against the level",
-        *frame_work(LIMIT.replace('["work"]', '["work"] and frame_type == "I"'))),
+        ("        works = check_shown(frame, chunk_bit, state)\n",
+         "        whole = works_of(work_of_shown(frame, state), state)\n"
+         "        works = check_shown(frame, chunk_bit, state) if frame_type == \"I\" else whole\n"),
+        ("        check_limit(\"work\", \"R-5-4\", works, chunk_bit, state)\n    frame[\"work\"]",
+         "        if frame_type == \"I\":\n            check_limit(\"work\", \"R-5-4\", works, chunk_bit, state)\n    frame[\"work\"]")),
     mutant(ERRORS, "colors-not-demanded", "intra blocks without colours accepted",
         ('if kind == "intra" and flag == 0:', 'if kind == "intra" and flag == 0 and name != "colors":')),
     mutant(ERRORS, "cholesky-not-demanded", "intra blocks without Cholesky factors accepted",
@@ -134,17 +138,17 @@ CHECKS: tuple[Mutant, ...] = (
         ("LONGEST_HEADER = 1024  # bytes", "LONGEST_HEADER = 512  # bytes")),
     mutant(ERRORS, "kind-always-malformed", "every error reported as malformed", ('    return "invalid"\n', '    return "malformed"\n')),
     mutant(ERRORS, "kind-limit-as-invalid", "exceeded limits reported as invalid",
-        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-9.4-2"),', '    "limit": (),')),
+        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-5-9", "R-9.4-2"),', '    "limit": (),')),
     mutant(ERRORS, "kind-unsupported-as-invalid", "reserved values reported as invalid",
         ('    "unsupported": ("R-3.2-1", "R-5-6", "R-6.1-2", "R-6.5-1", "R-6.6-1"),', '    "unsupported": (),')),
     mutant(ERRORS, "highest-level-refused", "streams of the highest level refused",
-        ("def open_stream(stream, max_level=5):", "def open_stream(stream, max_level=4):")),
+        ("def open_stream(stream, max_level=5, quality=0):", "def open_stream(stream, max_level=4, quality=0):")),
     mutant(ERRORS, "limits-one-off", "limits that may not be reached",
         ('header["width"] * value > LEVELS', 'header["width"] * value >= LEVELS')),
     mutant(ERRORS, "splats-limit-one-off", "a limit of splats that may not be reached",
         ('    if splat_count > state.limits["splats"]:', '    if splat_count >= state.limits["splats"]:')),
     mutant(ERRORS, "work-limit-one-off", "a limit of rendering work that may not be reached",
-        *all_work(LIMIT.replace(">", ">="))),
+        *all_work("amounts = [amount + 1 for amount in amounts]")),
     mutant(ERRORS, "header-limit-one-off", "a header of the longest length refused",
         ("LONGEST_HEADER = 1024  # bytes", "LONGEST_HEADER = 1023  # bytes")),
     mutant(ERRORS, "splats-together-unchecked", "survivors and new splats checked apart, not together",
@@ -166,25 +170,26 @@ CHECKS: tuple[Mutant, ...] = (
 
 LATER_VERSIONS: tuple[Mutant, ...] = (
     mutant(ERRORS, "later-version-left-over", "bytes left over in frames ignored under a later minor version",
-        ("    return s, State(header)\n", "    state = State(header)\n    state.minor = version_minor\n    return s, state\n"),
+        ("    return s, State(header, quality)\n", "    state = State(header, quality)\n    state.minor = version_minor\n    return s, state\n"),
         *((f"        frame = {reader}(p, frame_type, state)\n        check_filled(p)\n",
            f"        frame = {reader}(p, frame_type, state)\n        if state.minor == 0:\n            check_filled(p)\n")
           for reader in ("read_frame", "read_main_frame"))),
     mutant(ERRORS, "later-version-flags", "reserved flags ignored under a later minor version",
-        ("def read_sequence_header(p, max_level):", "def read_sequence_header(p, max_level, minor):"),
-        ("    header = read_sequence_header(p, max_level)\n", "    header = read_sequence_header(p, max_level, version_minor)\n"),
+        ("def read_sequence_header(p, max_level, quality):", "def read_sequence_header(p, max_level, quality, minor):"),
+        ("    header = read_sequence_header(p, max_level, quality)\n",
+         "    header = read_sequence_header(p, max_level, quality, version_minor)\n"),
         ("        if not lowest <= value <= highest:  # R-3.2-1, R-6.3-1",
          '        if not (lowest <= value <= highest or minor and name == "flags"):')),
     mutant(ERRORS, "later-version-critical-chunks", "unknown critical chunks skipped under a later minor version",
-        ("    return s, State(header)\n", "    state = State(header)\n    state.minor = version_minor\n    return s, state\n"),
-        ('state.limits["payload"])\n        check_known(chunk_type, chunk_bit)\n',
-         'state.limits["payload"])\n        if state.minor == 0:\n            check_known(chunk_type, chunk_bit)\n')),
+        ("    return s, State(header, quality)\n", "    state = State(header, quality)\n    state.minor = version_minor\n    return s, state\n"),
+        ('own_longest=state.own["payload"])\n        check_known(chunk_type, chunk_bit)\n',
+         'own_longest=state.own["payload"])\n        if state.minor == 0:\n            check_known(chunk_type, chunk_bit)\n')),
     mutant(ERRORS, "later-version-short-header", "a header that is too short accepted under a later minor version",
-        ("    header = read_sequence_header(p, max_level)\n",
-         '    if version_minor != 0:\n        p.data = p.data.ljust(36, b"\\1")\n    header = read_sequence_header(p, max_level)\n')),
+        ("    header = read_sequence_header(p, max_level, quality)\n",
+         '    if version_minor != 0:\n        p.data = p.data.ljust(36, b"\\1")\n    header = read_sequence_header(p, max_level, quality)\n')),
 )  # fmt: skip
 
-OF_A_SECOND = "        if state.second[name] > PER_SECOND[name] * state.limits[name]:"
+OF_A_SECOND = "        if any(sums[name] > share * limits[name] for name, share in PER_SECOND.items()):"
 
 PACED: tuple[Mutant, ...] = (
     unchecked("R-5-7", "any sum of a second accepted", (OF_A_SECOND, "        if False:")),
@@ -192,7 +197,7 @@ PACED: tuple[Mutant, ...] = (
               ('if frame["frame_number"] - state.last_i_frame >= I_FRAME_SECONDS * k:', "if False:")),
     *(
         mutant(ERRORS, f"{name}-of-a-second-unchecked", f"any {what} of a second accepted",
-            (OF_A_SECOND, OF_A_SECOND.replace("if ", f'if name != "{name}" and ')))
+            (OF_A_SECOND, OF_A_SECOND.replace("):", f' if name != "{name}"):')))
         for name, what in {"pixels": "number of pixels", "splats": "number of splats", "work": "rendering work",
                            "payload": "number of bytes"}.items()
     ),

@@ -14,9 +14,8 @@ FRAMES: Final = (
 """The first lines of the functions that read a frame, of profile `paper` and of `main`."""
 NUMBER: Final = '    frame["frame_number"] = p.uv()\n    if frame["frame_number"] != state.next_number:  # R-6.4-1\n'
 FLAG: Final = '        raise Fault("R-6.4-1", p.element)\n    frame["parameter_checksum"] = None\n    if state.header["flags"] & 1:\n'
-LIMIT: Final = '    if work > state.limits["work"]:  # R-5-4\n        raise Fault("R-5-4", chunk_bit)\n'
-FRAME_END: Final = '    frame["work"] = work\n'
-LAYER_END: Final = "    return work\n"
+CHECK_LIMIT: Final = '    """A rule by `level`, and R-5-9; an amount for each."""\n'
+"""The first line of the function in which splats and work are held against the level."""
 ERROR: Final = '        error = f"{fault.kind} {fault.rule} {fault.bit}"\n'
 COUNTS: Final = "    counts = np.array([len(part) for part in parameters], np.int64)\n"
 
@@ -37,11 +36,6 @@ def modulo(bits: int) -> Patches:
     return frame_numbers(f'frame["frame_number"] % 2**{bits} != state.next_number % 2**{bits}')
 
 
-def frame_work(new: str) -> Patches:
-    """Other lines than `LIMIT` for a frame."""
-    return ((LIMIT + FRAME_END, new + FRAME_END),)
-
-
 def all_work(new: str) -> Patches:
-    """The same for a frame and for layers."""
-    return (*frame_work(new), (LIMIT + LAYER_END, new + LAYER_END))
+    """A line about the work of frames and of layers, before it is held against the level."""
+    return ((CHECK_LIMIT, f'{CHECK_LIMIT}    if name == "work":\n        {new}\n'),)

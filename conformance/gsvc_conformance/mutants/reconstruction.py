@@ -102,8 +102,7 @@ MUTANTS: tuple[Mutant, ...] = (
     mutant(AREA, "new-splats-first", "new splats before the survivors",
         ("    return np.concatenate(parts)\n", "    return np.concatenate(parts[::-1])\n")),
     mutant(AREA, "open-loop", "P-frames predicted from the last I-frame, not from the frame before",
-        ("    state.parameters = frame[\"parameters\"] = parameters\n",
-         "    frame[\"parameters\"] = parameters\n"
+        ("    state.parameters = parameters\n",
          "    if frame_type == \"I\" or len(parameters) != len(state.parameters):\n        state.parameters = parameters\n")),
     mutant(AREA, "repeated-frame-empty", "R-frames without splats",
         ("        return state.parameters\n    size", "        return np.zeros((0, 8), np.float32)\n    size")),

@@ -50,7 +50,7 @@ paired(
     "The splats of all complete frames of a stream in the quality of a layer, and what is wrong with it.",
     inputs="stream: stream; layer: int",
     outputs="counts: i8 (T,); parameters: f4 (N, 8); error: text",
-    rules=("R-15.13-1", "R-15.13-2", "R-15.13-3"),
+    rules=("R-5-9", *(f"R-15.13-{n}" for n in range(1, 7))),
     oracle=_layers,
 )
 
