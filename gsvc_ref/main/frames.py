@@ -112,9 +112,8 @@ def frame_body(
 ) -> Body:
     """frame_body(type) of spec.md section 15.5, of an I- or a P-frame after the state `before`.
 
-    The header allows `max_lane_exponent`, the level `most_splats`, and the operating point of the quality `own_most`, if
-    it is to be asked. `given` are the codes that a Writer writes; a UsageError says that no stream can have them after
-    `before`.
+    The header allows `max_lane_exponent`, the level `most_splats`, and the operating point `own_most`, if it is to be
+    asked. `given` are the codes that a Writer writes; a UsageError says that no stream can have them after `before`.
     """
     if frame_type == "I":
         before = MainState.initial(before.width, before.height)

@@ -16,7 +16,9 @@ from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.header import MAX_LAYERS
+from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
+from gsvc_ref.main.densities import PLANES, SLOPED
 from gsvc_ref.main.frames import MainState, frame_body
 from gsvc_ref.main.layers import Layers
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
@@ -411,6 +413,19 @@ def _body(*, head: int = 3, quantizer: int = 24, number: int = 3) -> Edit:
     return lambda payload: payload[:1] + bytes([head, quantizer]) + encode_uv(number) + payload[4:]
 
 
+def without_densities(payload: bytes) -> bytes:
+    """The payload of a layer whose `splat_number` says that it has no densities."""
+    at = 2 + (payload[1] >> 1 & 1)
+    return payload[:at] + bytes([payload[at] & ~1]) + payload[at + 1 :]
+
+
+def _low_state(payload: bytes) -> bytes:
+    """The payload of a layer of one lane and few splats, whose `lane_state` is 0."""
+    bits = 16 * len(PLANES) + 8 * len(SLOPED) + 3 * halving_count(MAIN_HEADER.width, MAIN_HEADER.height)
+    at = 4 + -(-bits // 8)
+    return payload[:at] + bytes(4) + payload[at + 4 :]
+
+
 @dataclass(frozen=True)
 class FaultyLayer:
     """A faulty stream with layers: its chunks, the rule, the lie and the truth, and the counts of its frames."""
@@ -583,7 +598,7 @@ FAULTY_LAYERS: Final = {
         "it must have its own",
     ),
     "densities_of_the_base": FaultyLayer(
-        (LayerPlan(0, 1, Plan("I")), LayerPlan(1, 1, Plan("P", 2, own=False))),
+        (LayerPlan(0, 1, Plan("I")), LayerPlan(1, 1, Plan("P", 2), without_densities)),
         "R-15.5-4",
         "new splats of a layer without densities, which the base has",
         "a layer needs its own",
@@ -666,7 +681,7 @@ FAULTY_LAYERS: Final = {
         quality=1,
     ),
     "lane_state": FaultyLayer(
-        (LayerPlan(0, 1, Plan("I", 1, kind="likely"), lambda p: p[:-4] + bytes(4)),),
+        (LayerPlan(0, 1, Plan("I", 1, kind="likely"), _low_state),),
         "R-6.6-5",
         "a lane state of a layer is too low",
         "2^16 is the lowest",
