@@ -25,8 +25,8 @@ PRECISION: Final = 14
 TOTAL: Final = 1 << PRECISION
 """The sum of the frequencies of a symbol's distribution."""
 
-GROUP_BITS: Final = 5
-"""Lane j belongs to the group j >> GROUP_BITS, which has a list of words of its own."""
+GROUP_LANES: Final = 32
+"""The lanes of a group, which has a list of words of its own."""
 
 PREDICTED_PASSES: Final = 6
 """The passes about the splats of the frame before: the field in x and in y, modes, and three components."""
@@ -42,7 +42,7 @@ _NONE: Final[I8] = np.zeros(0, np.int64)
 
 def group_count(lane_exponent: int) -> int:
     """The groups that 2^lane_exponent lanes form."""
-    return 1 << max(lane_exponent - GROUP_BITS, 0)
+    return max((1 << lane_exponent) // GROUP_LANES, 1)
 
 
 class Distributions(NamedTuple):
@@ -52,10 +52,11 @@ class Distributions(NamedTuple):
     first: I8  # (n + 1,), where each distribution begins, and M
 
     @classmethod
-    def of(cls, tables: Sequence[I8]) -> "Distributions":
-        """The distributions of a list of tables."""
-        first = np.cumsum([0, *map(len, tables)]).astype(np.int64)
-        return cls(np.concatenate([*tables, np.zeros(0, np.int64)]).astype(np.int64), first)
+    def joined(cls, parts: Sequence["Distributions"]) -> "Distributions":
+        """Those of several parts one after the other."""
+        begins = np.cumsum([0, *(len(part.cumulative) for part in parts)])
+        first = [part.first[:-1] + begin for part, begin in zip(parts, begins[:-1], strict=True)]
+        return cls(np.concatenate([part.cumulative for part in parts]), np.concatenate([*first, begins[-1:]]))
 
 
 class Run(ABC):
@@ -219,7 +220,7 @@ def encode_run(
     used = len(words) - _encode(c, f, j, states, words, groups)
     group_of_word = groups[used:]
     order = np.argsort(group_of_word, kind="stable")
-    counts = np.bincount(group_of_word, minlength=max(lane_count >> GROUP_BITS, 1)).astype(np.int64)
+    counts = np.bincount(group_of_word, minlength=max(lane_count // GROUP_LANES, 1)).astype(np.int64)
     tail = np.packbits(np.concatenate([first, last[carried:]]), bitorder="little")[::-1]
     return EncodedRun(states.astype(np.uint32), counts, words[used:][order], tail.copy())
 
@@ -254,7 +255,7 @@ def _encode(starts: I8, frequencies: I8, lanes: I8, states: I8, words: U2, group
         if x >= frequency << (32 - PRECISION):  # one word at most: x < 2**32 and f << 18 >= 2**18
             first_word -= 1
             words[first_word] = x & 0xFFFF
-            groups[first_word] = lane >> GROUP_BITS
+            groups[first_word] = lane // GROUP_LANES
             x >>= 16
         states[lane] = ((x // frequency) << PRECISION) + x % frequency + starts[i]  # (7-2)
     return len(words) - first_word

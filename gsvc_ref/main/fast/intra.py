@@ -1,6 +1,7 @@
 """The splats of an I-frame, or the new ones of a P-frame, out of their lanes, pass by pass (spec.md section 15.9)."""
 
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -8,7 +9,14 @@ from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.main.cells import MAX_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
 from gsvc_ref.main.codes import CodeArrays
-from gsvc_ref.main.densities import ALPHAS, PLANES, Densities, Windows, magnitude_distributions, windows_of
+from gsvc_ref.main.densities import (
+    ALPHAS,
+    MAGNITUDE_CLASSES,
+    PLANES,
+    Densities,
+    magnitude_distributions,
+    windows_of,
+)
 from gsvc_ref.main.fast.lanes import (
     CELLS,
     CHROMA,
@@ -25,32 +33,34 @@ from gsvc_ref.main.fast.lanes import (
 )
 from gsvc_ref.main.passes import TOTAL, Distributions
 from gsvc_ref.main.reconstruct import find_intra_state, log_size, place_unit
-from gsvc_ref.main.state import N_MOST, class_of
+from gsvc_ref.main.state import CLASSES, N_MOST, class_of
+
+_NONE: Final[I8] = np.zeros(0, np.int64)
 
 
 class Tables(NamedTuple):
     """What the symbols of an I-frame are distributed by."""
 
-    inside: tuple[int, int]  # columns and rows of cells
+    columns: int  # of cells
+    rows: int
     alphas: I8  # (2 a,), the shape of each halving
-    magnitudes: tuple[Distributions, Distributions, Distributions]  # of the classes of luma, chroma1 and chroma2
-    windows: tuple[Windows, Windows, Windows]  # of size, aspect and shear
+    distributions: Distributions  # of the classes of luma, chroma1 and chroma2, then windows of size, aspect and shear
+    low_bits: I8  # (3, 11), raw ones of size, aspect and shear, by the class of a splat
+    first: I8  # (3, 11), their first bins
 
-    @classmethod
-    def of(cls, densities: Densities, width: int, height: int) -> "Tables":
-        """Those of the densities of a frame."""
-        alphas = np.array([ALPHAS[code] for code in densities.halving_codes], np.int64)
-        luma, chroma1, chroma2 = (magnitude_distributions(plane) for plane in densities.planes[:3])
-        size, aspect, shear = (windows_of(plane, densities.of(plane)) for plane in PLANES[3:])
-        return cls(cell_counts(width, height), alphas, (luma, chroma1, chroma2), (size, aspect, shear))
 
-    @classmethod
-    def none(cls) -> "Tables":
-        """Those of no splats."""
-        nothing = np.zeros(0, np.int64)
-        rows = Distributions(nothing, nothing)
-        windows = Windows(rows, nothing, nothing)
-        return cls((0, 0), nothing, (rows, rows, rows), (windows, windows, windows))
+@lru_cache(maxsize=64)
+def tables_of(densities: Densities, width: int, height: int) -> Tables:
+    """The tables of the densities of a frame."""
+    alphas = np.array([ALPHAS[code] for code in densities.halving_codes], np.int64)
+    windows = [windows_of(plane, densities.of(plane)) for plane in PLANES[3:]]
+    parts = [*map(magnitude_distributions, densities.planes[:3]), *(window.distributions for window in windows)]
+    low_bits, first = (np.stack([window[k] for window in windows]) for k in (1, 2))
+    return Tables(*cell_counts(width, height), alphas, Distributions.joined(parts), low_bits, first)
+
+
+NO_TABLES: Final = Tables(0, 0, _NONE, Distributions(_NONE, _NONE), _NONE.reshape(0, 0), _NONE.reshape(0, 0))
+"""The tables of no splats."""
 
 
 class New(NamedTuple):
@@ -65,15 +75,20 @@ class New(NamedTuple):
     answers: I8  # (N,), for a pass: symbols
     sizes: I8  # (N,), and how many raw bits go with them
     low: I8  # (N,)
-    j: I8  # (N,), the contexts of chroma, then the classes of the splats
+    rows: I8  # (N,), their distributions
+    j: I8  # (N,), the classes of luma, which are the contexts of chroma, then those of the splats
 
-    @classmethod
-    def of(cls, count: int, step: int) -> "New":
-        """Room for so many splats."""
-        numbers = [np.empty(count, np.int64) for _ in range(4)]
-        state, counts, origins = (np.zeros(shape, np.int64) for shape in ((count, 8), (2, count), (2, count, 2)))
-        counts[0, :1], parts = count, np.array([min(count, 1), 0], np.int64)
-        return cls(step, CodeArrays.empty(count), state, counts, origins, parts, *numbers)
+
+@kernel()
+def new_splats(step: int, codes: CodeArrays, state: I8) -> New:
+    """Room for splats whose codes and states are put into arrays."""
+    count = len(state)
+    counts, origins, parts = np.zeros((2, count), np.int64), np.zeros((2, count, 2), np.int64), np.zeros(2, np.int64)
+    if count:
+        counts[0, 0], parts[0] = count, 1
+    answers, sizes, low = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
+    rows, j = np.empty(count, np.int64), np.zeros(count, np.int64)
+    return New(step, codes, state, counts, origins, parts, answers, sizes, low, rows, j)
 
 
 class Halving(NamedTuple):
@@ -92,18 +107,17 @@ def read_intra_pass(lanes: Lanes, tables: Tables, at: int, new: New) -> bool:
     if at <= halvings:
         return read_halving(lanes, tables, at - 1, new)
     if at == halvings + 1:
-        new.j[:] = 0
-        if not read_symbols(lanes, LUMA, tables.magnitudes[0], new.j, symbols):
+        if not read_plane(lanes, LUMA, tables, 0, new, symbols):
             return False
         for splat in range(len(symbols)):
-            new.j[splat] = symbols[splat]  # the classes of luma are the contexts of both chroma planes
+            new.j[splat] = symbols[splat]
         read_low_bits(lanes, LUMA, symbols)
         for splat in range(len(symbols)):
             out.colors[splat, 0] = symbols[splat]
     elif at == halvings + 2:
-        if not read_symbols(lanes, CHROMA, tables.magnitudes[1], new.j, symbols):
+        if not read_plane(lanes, CHROMA, tables, 1, new, symbols):
             return False
-        if not read_symbols(lanes, CHROMA, tables.magnitudes[2], new.j, new.low):
+        if not read_plane(lanes, CHROMA, tables, 2, new, new.low):
             return False
         read_low_bits(lanes, CHROMA, symbols)
         read_low_bits(lanes, CHROMA, new.low)
@@ -112,13 +126,22 @@ def read_intra_pass(lanes: Lanes, tables: Tables, at: int, new: New) -> bool:
         find_classes(new)
     elif at == halvings + 3:
         for plane in range(3):
-            if not read_symbols(lanes, SIZE + plane, tables.windows[plane].distributions, new.j, symbols):
+            if not read_plane(lanes, SIZE + plane, tables, 3 + plane, new, symbols):
                 return False
             for splat in range(len(symbols)):
                 out.shapes[splat, plane] = symbols[splat]
         for plane in range(2):  # no place depends on shear, so that its low bits are late
-            read_window_bits(lanes, SIZE + plane, tables.windows[plane], plane, new)
+            read_window_bits(lanes, SIZE + plane, tables, plane, new)
     return True
+
+
+@kernel()
+def read_plane(lanes: Lanes, part: int, tables: Tables, plane: int, new: New, symbols: I8) -> bool:
+    """The symbols of a plane of all splats, by the classes `new.j` of luma or of splats."""
+    first = plane * MAGNITUDE_CLASSES if plane < 3 else 3 * MAGNITUDE_CLASSES + (plane - 3) * CLASSES
+    for splat in range(len(symbols)):
+        new.rows[splat] = first + new.j[splat]
+    return read_symbols(lanes, part, tables.distributions, new.rows, symbols)
 
 
 @kernel()
@@ -132,15 +155,15 @@ def find_classes(new: New) -> None:
 
 
 @kernel()
-def read_window_bits(lanes: Lanes, part: int, windows: Windows, plane: int, new: New) -> None:
-    """The low bits of a plane with windows (15-7), whose bins are in `new.codes`: the codes."""
+def read_window_bits(lanes: Lanes, part: int, tables: Tables, plane: int, new: New) -> None:
+    """The low bits of size, aspect or shear (plane 0, 1 or 2), whose bins are in `new.codes`: the codes (15-7)."""
     sizes, j, shapes = new.sizes, new.j, new.codes.shapes
     for splat in range(len(j)):
-        sizes[splat] = windows.low_bits[j[splat]]
+        sizes[splat] = tables.low_bits[plane, j[splat]]
     read_raw(lanes, part, sizes, new.low)
     for splat in range(len(j)):
-        bin_ = shapes[splat, plane] + windows.first[j[splat]]
-        shapes[splat, plane] = (bin_ << sizes[splat]) + new.low[splat]
+        upper = shapes[splat, plane] + tables.first[plane, j[splat]]
+        shapes[splat, plane] = (upper << sizes[splat]) + new.low[splat]
 
 
 @kernel()
@@ -161,7 +184,7 @@ def intra_late_count(tables: Tables, new: New) -> int:
         j = new.j[splat]
         for axis in range(3):
             count += out.colors[splat, axis] != 0
-        count += tables.windows[2].low_bits[j]
+        count += tables.low_bits[2, j]
         for axis in range(2):
             count += 2 - place_unit(log_size(out.shapes[splat, 0], out.shapes[splat, 1], j, axis), j)
     return count
@@ -178,7 +201,7 @@ def read_intra_late(lanes: Lanes, tables: Tables, new: New) -> None:
         for splat in range(len(numbers)):
             out.colors[splat, plane] = numbers[splat]
     put_cells(new)
-    read_window_bits(lanes, SHEAR_PART, tables.windows[2], 2, new)
+    read_window_bits(lanes, SHEAR_PART, tables, 2, new)
     for axis in range(2):
         for splat in range(len(numbers)):
             size = log_size(out.shapes[splat, 0], out.shapes[splat, 1], new.j[splat], axis)
@@ -197,7 +220,7 @@ def read_halving(lanes: Lanes, tables: Tables, halving: int, new: New) -> bool:
     counts, origins = new.counts[before], new.origins[before]
     halves, places = new.counts[1 - before], new.origins[1 - before]
     size = 1 << ((len(tables.alphas) - halving - 1) // 2)
-    this = Halving(axis, size, tables.inside[axis], tables.alphas[halving])
+    this = Halving(axis, size, tables.rows if axis else tables.columns, tables.alphas[halving])
     if not read_halves(lanes, counts[:many], origins, this, answers, sizes):
         return False
     read_raw(lanes, CELLS, sizes[:many], low)

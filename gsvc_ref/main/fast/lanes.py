@@ -13,7 +13,7 @@ from gsvc_base.arrays import I8, U2, U4
 from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream.coder import RUN_PARTS
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.main.passes import GROUP_BITS, LENGTH_UNIT, LENGTHS, PRECISION, TOTAL, Distributions
+from gsvc_ref.main.passes import GROUP_LANES, LENGTH_UNIT, LENGTHS, PRECISION, TOTAL, Distributions
 
 CELLS: Final = RUN_PARTS.index("cells")
 LUMA: Final = RUN_PARTS.index("luma")
@@ -74,7 +74,7 @@ def take_symbol(lanes: Lanes, lane: int, x: int, start: int, frequency: int) -> 
     """Put the lane's state after a symbol in the place of x (7-1); whether the word that it needs is there."""
     x = frequency * (x >> PRECISION) + (x & (TOTAL - 1)) - start
     if x < LOWEST_STATE:
-        group = lane >> GROUP_BITS
+        group = lane // GROUP_LANES
         word = lanes.taken[group]
         if word == lanes.ends[group]:
             return False

@@ -40,8 +40,8 @@ class Reference(NamedTuple):
     step: int  # D in 1/16
 
 
-class Predicted(NamedTuple):
-    """What is read of these splats, and what is known of them between passes."""
+class Outputs(NamedTuple):
+    """What is read of these splats."""
 
     field: I8  # (rows, columns, 2), the vectors, in place if they are inherited
     modes: I8  # (N,)
@@ -49,6 +49,20 @@ class Predicted(NamedTuple):
     after: I8  # (N, 8), the splats that stay, at the start of the array
     past: I8  # (N,), what was done with each, likewise
     counts: I8  # (33, 24), those of the models of this frame before, and of the next one then
+
+    @classmethod
+    def of(cls, field: I8, count: int, counts: I8) -> "Outputs":
+        """Room for so many splats, and a field that is inherited or has room."""
+        modes, past = np.empty(count, np.int64), np.empty(count, np.int64)
+        return cls(field, modes, np.zeros((count, 8), np.int64), np.empty((count, 8), np.int64), past, counts.copy())
+
+
+class Predicted(NamedTuple):
+    """What is read, and what is known between passes."""
+
+    field: I8  # the first four as in `Outputs`
+    modes: I8
+    differences: I8
     seen: I8  # (33, 24), how often each symbol was read in each context
     motion: I8  # (N, 2)
     changed: I8  # (3, N), the splats whose modes name each group
@@ -56,24 +70,15 @@ class Predicted(NamedTuple):
     rows: I8  # (N,), for a pass: contexts
     symbols: I8  # (N,), and symbols
 
-    @classmethod
-    def of(cls, field: I8, count: int, counts: I8) -> "Predicted":
-        """Room for so many splats, and a field that is inherited or has room."""
-        most = max(count, field.shape[0] * field.shape[1])
-        return cls(
-            field=field,
-            modes=np.empty(count, np.int64),
-            differences=np.zeros((count, 8), np.int64),
-            after=np.empty((count, 8), np.int64),
-            past=np.empty(count, np.int64),
-            counts=counts.copy(),
-            seen=np.zeros_like(counts),
-            motion=np.empty((count, 2), np.int64),
-            changed=np.empty((3, count), np.int64),
-            many=np.zeros(3, np.int64),
-            rows=np.empty(most, np.int64),
-            symbols=np.empty(most, np.int64),
-        )
+
+@kernel()
+def predicted_splats(out: Outputs) -> Predicted:
+    """The state of reading before the first pass."""
+    count, most = len(out.modes), max(len(out.modes), out.field.shape[0] * out.field.shape[1])
+    seen, motion = np.zeros(out.counts.shape, np.int64), np.empty((count, 2), np.int64)
+    changed, many = np.empty((3, count), np.int64), np.zeros(3, np.int64)
+    rows, symbols = np.empty(most, np.int64), np.empty(most, np.int64)
+    return Predicted(out.field, out.modes, out.differences, seen, motion, changed, many, rows, symbols)
 
 
 @kernel()
@@ -187,10 +192,10 @@ def predicted_late_count(out: Predicted) -> int:
 
 
 @kernel()
-def read_predicted_late(lanes: Lanes, reference: Reference, out: Predicted) -> int:
+def read_predicted_late(lanes: Lanes, reference: Reference, found: Predicted, out: Outputs) -> int:
     """The late bits of the differences, and what becomes of the splats; how many stay."""
     for group in range(3):
-        magnitudes, changed = out.symbols[: out.many[group]], out.changed[group]
+        magnitudes, changed = found.symbols[: found.many[group]], found.changed[group]
         for component in range(GROUP_ENDS[group], GROUP_ENDS[group + 1]):
             for k in range(len(magnitudes)):
                 magnitudes[k] = out.differences[changed[k], component]
@@ -200,8 +205,8 @@ def read_predicted_late(lanes: Lanes, reference: Reference, out: Predicted) -> i
             read_signs(lanes, POSITION + group, magnitudes)
             for k in range(len(magnitudes)):
                 out.differences[changed[k], component] = magnitudes[k]
-    counts = adapted(out.counts, out.seen)
+    counts = adapted(out.counts, found.seen)
     for context in range(len(counts)):
         for s in range(counts.shape[1]):
             out.counts[context, s] = counts[context, s]
-    return find_after(reference.values, out.motion, out.modes, out.differences, reference.step, out.after, out.past)
+    return find_after(reference.values, found.motion, out.modes, out.differences, reference.step, out.after, out.past)

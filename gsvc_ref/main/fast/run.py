@@ -8,13 +8,22 @@ import numpy as np
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream.rans import LOWEST_STATE
-from gsvc_ref.main.codes import SIDES, IntraCodes, MainCodes
-from gsvc_ref.main.fast.intra import New, Tables, intra_late_count, read_intra_late, read_intra_pass
+from gsvc_ref.main.codes import SIDES, CodeArrays, IntraCodes, MainCodes
+from gsvc_ref.main.fast.intra import (
+    NO_TABLES,
+    Tables,
+    intra_late_count,
+    new_splats,
+    read_intra_late,
+    read_intra_pass,
+    tables_of,
+)
 from gsvc_ref.main.fast.lanes import Lanes, late_bits, raw_value
 from gsvc_ref.main.fast.predicted import (
-    Predicted,
+    Outputs,
     Reference,
     predicted_late_count,
+    predicted_splats,
     read_predicted_late,
     read_predicted_pass,
 )
@@ -60,12 +69,13 @@ def read_run(lanes: Lanes, before: "MainState", codes: MainCodes, count: int) ->
     if own := codes.motion_cell > 0:
         side = SIDES[codes.motion_cell]
         field = np.empty((*field_shape(*size, side), 2), np.int64)
-    out = Predicted.of(field, splats, before.models.counts)
-    new, tables = New.of(count, step), Tables.none()
+    out = Outputs.of(field, splats, before.models.counts)
+    new, state, tables = CodeArrays.empty(count), np.empty((count, 8), np.int64), NO_TABLES
     if count:
         assert before.densities is not None
-        tables = Tables.of(before.densities, *size)
-    status = _read_run(lanes, Reference(before.values, before.past, *size, side, own, step), tables, out, new)
+        tables = tables_of(before.densities, *size)
+    reference = Reference(before.values, before.past, *size, side, own, step)
+    status = _read_run(lanes, reference, tables, out, new, state)
     if status < 0:
         raise _fault(lanes, status)
     values, past, models = before.values, before.past, before.models
@@ -74,8 +84,8 @@ def read_run(lanes: Lanes, before: "MainState", codes: MainCodes, count: int) ->
         codes = replace(codes, vectors=field if own else codes.vectors, modes=out.modes, differences=out.differences)
     if count:
         of_new = np.full(count, 0 if codes.type == "I" else 2, np.int64)
-        values, past = np.concatenate([values, new.state]), np.concatenate([past, of_new])
-        codes = replace(codes, new=IntraCodes(*new.codes))
+        values, past = np.concatenate([values, state]), np.concatenate([past, of_new])
+        codes = replace(codes, new=IntraCodes(*new))
     return ReadRun(values, past, models, codes)
 
 
@@ -94,9 +104,10 @@ def _fault(lanes: Lanes, status: int) -> RunError:
 
 
 @kernel()
-def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Predicted, new: New) -> int:
-    """All passes and late bits, put into `out` and `new`; how many splats stay, or what is wrong."""
-    splats, count, last = len(out.modes), len(new.j), 0
+def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Outputs, codes: CodeArrays, state: I8) -> int:
+    """All passes and late bits, put into `out`, `codes` and `state`; how many splats stay, or what is wrong."""
+    splats, count, last = len(out.modes), len(state), 0
+    found, new = predicted_splats(out), new_splats(reference.step, codes, state)
     rows = Distributions(out.counts[0], out.counts[0])
     if splats:  # models stand still in a frame: one set of tables does for all passes
         last, rows = PREDICTED_PASSES, model_distributions(out.counts)
@@ -104,16 +115,16 @@ def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Predicted
         last = max(last, len(tables.alphas) + 3)
     for at in range(1, last + 1):
         lanes.place[0] = 0
-        if splats and at <= PREDICTED_PASSES and not read_predicted_pass(lanes, rows, reference, at, out):
+        if splats and at <= PREDICTED_PASSES and not read_predicted_pass(lanes, rows, reference, at, found):
             return MISSING
         if count and not read_intra_pass(lanes, tables, at, new):
             return MISSING
-    late = intra_late_count(tables, new) + predicted_late_count(out)
+    late = intra_late_count(tables, new) + predicted_late_count(found)
     status = run_status(lanes, late)
     if status < 0:
         return status
     rest = late_bits(lanes, late)
-    stay = read_predicted_late(rest, reference, out)
+    stay = read_predicted_late(rest, reference, found, out)
     read_intra_late(rest, tables, new)
     return stay
 
