@@ -17,8 +17,8 @@
 #define GSVC_CHUNK_E 0x45 /* end() */
 
 /* Ranges of elements: the least and the greatest legal value, where these are numbers. */
-#define GSVC_VERSION_MAJOR_MIN 129
-#define GSVC_VERSION_MAJOR_MAX 129
+#define GSVC_VERSION_MAJOR_MIN 130
+#define GSVC_VERSION_MAJOR_MAX 130
 #define GSVC_PROFILE_MIN 0
 #define GSVC_PROFILE_MAX 1
 #define GSVC_LEVEL_MIN 1
@@ -59,26 +59,30 @@
 #define GSVC_PLANE_MODE_MAX 2
 #define GSVC_LANE_STATE_MIN 0x10000u
 #define GSVC_LANE_STATE_MAX 0xFFFFFFFFu
+#define GSVC_MAX_LANE_EXPONENT_MIN 0
+#define GSVC_MAX_LANE_EXPONENT_MAX 12
 #define GSVC_LAYER_COUNT_MIN 1
 #define GSVC_LAYER_COUNT_MAX 4
-#define GSVC_QUANTIZER_MIN 0
-#define GSVC_QUANTIZER_MAX 79
+#define GSVC_QUALITY_LEVEL_MIN 1
+#define GSVC_QUALITY_LEVEL_MAX 5
+#define GSVC_QUALITY_HALVINGS_MIN 0
+#define GSVC_QUALITY_HALVINGS_MAX 3
 #define GSVC_LANE_EXPONENT_MIN 0
-#define GSVC_LANE_EXPONENT_MAX 6
+#define GSVC_LANE_EXPONENT_MAX 12
 #define GSVC_MOTION_CELL_MIN 0
 #define GSVC_MOTION_CELL_MAX 3
-#define GSVC_DENSITIES_PRESENT_MIN 0
-#define GSVC_DENSITIES_PRESENT_MAX 1
+#define GSVC_NEW_PRESENT_MIN 0
+#define GSVC_NEW_PRESENT_MAX 1
+#define GSVC_QUANTIZER_MIN 0
+#define GSVC_QUANTIZER_MAX 79
+#define GSVC_WORD_COUNT_RUN_MIN 0
+#define GSVC_WORD_COUNT_RUN_MAX 0xFFFFFFFFu
 #define GSVC_DENSITY_FAMILY_MIN 0
 #define GSVC_DENSITY_FAMILY_MAX 1
-#define GSVC_SCALE_CODE_MIN 0
-#define GSVC_SCALE_CODE_MAX 31
-#define GSVC_CENTRE_MIN 0
-#define GSVC_CENTRE_MAX 1023
-#define GSVC_SLOPE_MIN 0
-#define GSVC_SLOPE_MAX 255
 #define GSVC_HALVING_CODE_MIN 0
 #define GSVC_HALVING_CODE_MAX 7
+#define GSVC_LAYER_MIN 1
+#define GSVC_LAYER_MAX 3
 
 /* Values with a name. */
 #define GSVC_FLAGS_PARAMETER_CHECKSUM_FLAG (1u << 0)
@@ -142,7 +146,7 @@
 #define GSVC_REACH 0x1.aa1ee98abcac8p+1 /* ρ′ = ρ (1 + 2⁻¹⁷) */
 #define GSVC_MAIN_REACH 54544 /* ⌈2¹⁴ ρ′⌉, the radius of the boxes of profile main in 2⁻¹⁴ */
 #define GSVC_SMALLEST_NORMAL 0x1p-126 /* 2⁻¹²⁶, smallest positive normal binary32; l11 or l22 below it is degenerate */
-#define GSVC_VERSION_MAJOR 129 /* 128 + 1, draft 1 of version 1.0 */
+#define GSVC_VERSION_MAJOR 130 /* 128 + 2, draft 2 of version 1.0 */
 #define GSVC_REFLECTED_POLYNOMIAL 0x82F63B78u /* CRC-32C, bits of 1EDC6F41 reversed */
 #define GSVC_LOWEST_STATE 0x10000u /* 2¹⁶, where a lane of an encoder begins */
 #define GSVC_LN_255 0x1.62a40fda3e3ccp+2 /* ln 255, largest σ of a pixel that a splat covers */
@@ -170,6 +174,7 @@
 #define GSVC_CLASS_MOST 10 /* largest class j */
 #define GSVC_PRECISION 14 /* R of profile main */
 #define GSVC_TOTAL 16384 /* 2¹⁴, sum of the frequencies of a symbol */
+#define GSVC_GROUP_LANES 32 /* lanes of a group */
 #define GSVC_MAGNITUDE_CLASSES 40 /* classes of magnitudes of colour codes */
 #define GSVC_REMOVED 8 /* the mode that removes a splat */
 #define GSVC_STEP_MOST 0x1FFFFu /* 2¹⁷ − 1, largest step of a position */

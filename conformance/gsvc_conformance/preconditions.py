@@ -427,8 +427,8 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
         ("edges must grow", lambda i: np.all(np.diff(i["edges"]) > 0)),
         ("edges must be even or odd together", lambda i: len(set((i["edges"] & 1).tolist())) < 2),
         ("there must be at most 2^10 edges", lambda i: len(i["edges"]) <= 2**10),
-        ("edges and centre must be below 2^16 in magnitude",
-         lambda i: max(abs(i["edges"]).max(initial=0), abs(i["centre"])) < 2**16),
+        ("centre must be below 2^16 in magnitude, and no edge more than 2^16 from twice the centre",
+         lambda i: max(abs(i["edges"] - 2 * i["centre"]).max(initial=0), abs(i["centre"]) + 1) <= 2**16),
     ),
     "half_frequencies": (
         ("count must be 1 to 2^22 - 1", lambda i: 1 <= i["count"] < 2**22),

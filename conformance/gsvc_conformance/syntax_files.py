@@ -1,4 +1,4 @@
-"""The files that are made of the syntax of spec.md: spec/syntax.json and spec/gsvc.h."""
+"""The files in spec/ that are made of spec.md: its syntax, its constants and its tables."""
 
 import json
 from collections.abc import Callable, Mapping
@@ -7,6 +7,7 @@ from typing import Final
 
 from gsvc_base.syntax import syntax
 from gsvc_conformance.c_header import c_header
+from gsvc_conformance.tables import tables_header, tables_json
 
 CHECKOUT: Final = Path(__file__).parents[2]
 ROOT: Final = CHECKOUT if (CHECKOUT / "spec.md").is_file() else Path()
@@ -18,7 +19,12 @@ def syntax_json() -> str:
     return json.dumps(syntax(), ensure_ascii=False, indent=1) + "\n"
 
 
-FILES: Final[Mapping[str, Callable[[], str]]] = {"spec/syntax.json": syntax_json, "spec/gsvc.h": c_header}
+FILES: Final[Mapping[str, Callable[[], str]]] = {
+    "spec/syntax.json": syntax_json,
+    "spec/gsvc.h": c_header,
+    "spec/tables.json": tables_json,
+    "spec/gsvc_tables.h": tables_header,
+}
 
 
 def stale(folder: Path = ROOT) -> list[str]:

@@ -1,12 +1,13 @@
 """How many splats each cell of an I-frame has, by halving the frame (spec.md section 15.8)."""
 
+from itertools import accumulate
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.densities import cumulative_at
+from gsvc_ref.main.densities import ALPHAS, cumulative_at
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import EXP2, LOGISTIC
 
@@ -43,23 +44,28 @@ def cell_order(cells: I8, width: int, height: int) -> I8:
     return np.argsort(cell_keys(cells, width, height), kind="stable")
 
 
+def _equal_halves(n: int, alpha: int) -> list[int]:
+    """C[1] to C[n] of the number of n splats in the first of equal halves (15-8)."""
+    weights = [2**16]
+    for i in range(n // 2):
+        weights.append(weights[i] * (n - i) * (i + alpha) // ((i + 1) * (n - i - 1 + alpha)))
+    *sums, total = accumulate(weights[min(i, n - i)] for i in range(n + 1))
+    return [i + (TOTAL - n - 1) * part // total for i, part in enumerate(sums, 1)]
+
+
+HALVES: Final[I8] = np.concatenate([_equal_halves(n, alpha) for alpha in ALPHAS for n in range(1, MAX_BINOMIAL + 1)])
+"""C[1] to C[n] of (15-8) for all n up to MAX_BINOMIAL and all shapes, (960,)."""
+
+
 @kernel(inline=True)
-def small_half(n: int, alpha: int, C: I8) -> None:
-    """Cumulative frequencies of the number of n splats, at most MAX_BINOMIAL, in the first of equal halves (15-8)."""
-    weight, total = 2**16, 0
-    for i in range(n + 1):  # w[i] and, by symmetry, w[n - i] stand in the places of C[i + 1] until they are summed
-        C[i + 1] = C[n - i + 1] = weight
-        if i == n // 2:
+def place_of_halves(n: int, alpha: int) -> int:
+    """Where HALVES begins for n splats and a shape alpha."""
+    place = n * (n - 1) // 2
+    for shape in ALPHAS:
+        if shape == alpha:
             break
-        weight = weight * (n - i) * (i + alpha) // ((i + 1) * (n - i - 1 + alpha))
-    for i in range(n + 1):
-        total += C[i + 1]
-    part_of_total = 0
-    for i in range(n + 1):
-        weight = C[i + 1]
-        C[i] = i + (TOTAL - n - 1) * part_of_total // total
-        part_of_total += weight
-    C[n + 1] = TOTAL
+        place += MAX_BINOMIAL * (MAX_BINOMIAL + 1) // 2
+    return place
 
 
 @kernel(inline=True)
@@ -69,7 +75,8 @@ def half_density(n: int, first: int, second: int, alpha: int) -> tuple[int, int,
     while n >> (COUNT_BITS + r):
         r += 1
     m, b = n >> r, 256 * first // (first + second)  # b: the expected share in 1/256
-    v = max(m * b * (256 - b) * (2 * alpha + m) * 1245 // ((2 * alpha + 1) << 16), 1)  # the variance of both, in 1/64^2
+    t = (2 * alpha + m) * 1245 // (2 * alpha + 1)
+    v = max((((m * b * (256 - b)) >> 9) * t) >> 7, 1)  # the variance of both, in 1/64^2
     e = 0
     while v >> (e + 1):
         e += 1
@@ -86,8 +93,10 @@ def cumulative_of_half(i: int, m: int, centre: int, scale_code: int) -> int:
 def _half_frequencies(n: int, first: int, second: int, alpha: int) -> tuple[I8, int]:
     """Cumulative frequencies of the number of n splats in the first half, and how many of its low bits are raw."""
     if n <= MAX_BINOMIAL and first == second:
-        C = np.empty(n + 2, np.int64)
-        small_half(n, alpha, C)
+        C, place = np.empty(n + 2, np.int64), place_of_halves(n, alpha)
+        C[0], C[n + 1] = 0, TOTAL
+        for i in range(n):
+            C[i + 1] = HALVES[place + i]
         return C, 0
     r, centre, scale_code = half_density(n, first, second, alpha)
     m = n >> r

@@ -70,8 +70,8 @@ def family_of(density_family: int) -> I8:
 @kernel(inline=True)
 def density_at(edge: int, centre: int, scale_code: int, unit_bits: int, exp2_table: I8, family: I8) -> int:
     """V of (15-6) at a doubled edge: the distribution function in 2^-16."""
-    shift = 15 - (-scale_code // 4) - 11 + unit_bits  # 2^-11: 16 scales are the 2^16 of u
-    u = 2**15 + ((edge - 2 * centre) * exp2_table[-256 * scale_code & 1023] >> shift)  # in 1/4096 of a scale
+    shift = 2 - (-scale_code // 4) + unit_bits  # EXP2 has 15 - 2 bits after the point here; 16 scales are 2^16 of u
+    u = 2**15 + ((edge - 2 * centre) * (exp2_table[-256 * scale_code & 1023] >> 2) >> shift)  # in 1/4096 of a scale
     u = min(max(u, 0), 2**16 - 1)
     place = u >> 8
     return int(family[place] + ((family[place + 1] - family[place]) * (u & 255) >> 8))

@@ -154,7 +154,7 @@ def adapted(counts: I8, seen: I8) -> I8:
             used |= seen[context, s] > 0
         for s in range(symbols):
             if used:
-                after[context, s] = (7 * counts[context, s] >> 3) + GAIN * seen[context, s]
+                after[context, s] = counts[context, s] - ((counts[context, s] + 7) >> 3) + GAIN * seen[context, s]
     return after
 
 

@@ -14,7 +14,7 @@ from gsvc_ref.main import motion as fields
 from gsvc_ref.main import state as states
 from gsvc_ref.main.cells import half_distribution
 from gsvc_ref.main.codes import SIDES, IntraCodes
-from gsvc_ref.main.densities import cumulative, windows_at
+from gsvc_ref.main.densities import ALPHAS, cumulative, windows_at
 from gsvc_ref.main.tables import step_of
 
 ANY: Final = None
@@ -127,10 +127,12 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
     Raises
     ------
     UsageError
-        An argument is no whole number, or below 1.
+        An argument is no whole number or below 1, or there is no such shape.
     """
-    if min(count, first_half, second_half, alpha) < 1:
-        raise UsageError("count, first_half, second_half and alpha must be at least 1")
+    if min(count, first_half, second_half) < 1:
+        raise UsageError("count, first_half and second_half must be at least 1")
+    if alpha not in ALPHAS:
+        raise UsageError(f"alpha is {alpha!r}; it must be one of {', '.join(map(str, ALPHAS))}")
     return HalfFrequencies(*half_distribution(count, first_half, second_half, alpha))
 
 

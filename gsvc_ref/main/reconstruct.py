@@ -129,6 +129,6 @@ def sheared_step(S: int, g_y: int) -> int:
 @kernel(inline=True)
 def _sheared(S: int, v: int) -> int:
     """S times 2^(v/1024), rounded towards 0, at most 32767 in magnitude."""
-    product, shift = abs(S) * EXP2[v & 1023], min(max((v >> 10) - 15, -62), 16)
-    magnitude = min(product << shift if shift >= 0 else product >> -shift, S_MOST)
+    shift = min(max(15 - (v >> 10), 0), 31)  # EXP2 is at least 2^15: without a shift all but 0 is above the range
+    magnitude = min((abs(S) * EXP2[v & 1023]) >> shift, S_MOST)
     return int(-magnitude if S < 0 else magnitude)

@@ -39,9 +39,8 @@ def test_files_are_what_the_document_gives(tmp_path, capsys):
 
 def test_where_nothing_is_to_be_compared_the_command_says_so(tmp_path, capsys):
     assert main(["syntax", "--into", str(tmp_path)]) == 2
-    assert f"{tmp_path} has neither spec/syntax.json nor spec/gsvc.h: give the folder of a checkout" in (
-        capsys.readouterr().err
-    )
+    said = f"{tmp_path} has neither {' nor '.join(FILES)}: give the folder of a checkout"
+    assert said in capsys.readouterr().err
 
 
 def test_the_command_tells_what_to_do(monkeypatch, capsys):

@@ -75,6 +75,35 @@ def test_parameters_and_work_take_32_bits() -> None:
             spec.main_work(row[None], width, height, halvings)
 
 
+@pytest.mark.usefixtures("words")
+@pytest.mark.parametrize("scale_code", range(64))
+def test_densities_take_32_bits(scale_code: int) -> None:
+    rng = np.random.default_rng(scale_code)
+    for unit_bits, family in ((0, 0), (2, 1), (4, 0)):
+        for centre in (0, 65535, -65535, int(rng.integers(-(2**15), 2**15))):
+            edges = 2 * centre + np.unique([-(2**16), 2**16, *rng.integers(-(2**15), 2**15, 200) * 2])
+            spec.density_frequencies(edges.view(Word), centre, family, scale_code, unit_bits)
+
+
+@pytest.mark.parametrize("alpha", spec.ALPHAS)
+def test_halves_take_32_bits(alpha: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By (15-9), and by the table of (15-8) for up to 15 splats, whose formula alone has more."""
+    monkeypatch.setattr(spec, "density", lambda edges, *_: edges)
+    for n in (1, 2, 15, 16, 511, 512, 1023, 2**16 - 1, 2**22 - 1):
+        for p in (1, 2, 2**7, 2**13):
+            for q in {1, (p + 1) // 2, p}:
+                spec.halves(Whole(n), Whole(p), Whole(q), Whole(alpha))
+    assert all(0 < C < 2**14 for C in spec.HALVES.tolist())
+
+
+def test_counts_take_32_bits() -> None:
+    """The largest that a context can have: all splats of the highest level, in each of many frames."""
+    counts = np.full((1, 9), 2**20).view(Word)
+    for _ in range(200):
+        counts = spec.adapt_model(counts, np.array([[2**22, *[0] * 8]]))["counts"].view(Word)
+    assert counts[0, 0] < 2**32
+
+
 def exactly(row: list[int]) -> list[Fraction]:
     """(15-5) by its definition, in integers of any size."""
     X, Y, A, B, S, *n = row

@@ -255,9 +255,9 @@ def widest_window(value: int) -> Inputs:
 
 @case("stress", "density_frequencies", flags=["overflow"], each={"narrow": (0, 0), "wide": (63, 4)})
 def farthest_edges(value: tuple[int, int]) -> Inputs:
-    """The most edges that there can be, up to 2^16 in magnitude, a centre of 2^16 - 1 and the {key}est scale."""
-    edges = np.linspace(-65535, 65535, 1024).astype(np.int64) // 2 * 2 + 1
-    expected = yield density(edges, 65535, 0, *value)
+    """The most edges that there can be, up to 2^16 from twice the centre on either side, and the {key}est scale."""
+    edges = 2 * -777 + np.linspace(-65535, 65535, 1024).astype(np.int64) // 2 * 2
+    expected = yield density(edges, -777, 0, *value)
     assert len(result(expected, "cumulative")) == 1026
 
 
@@ -359,6 +359,16 @@ def one_splat_in_unequal_halves() -> Inputs:
     assert cumulative[1] > 1
 
 
+@case("core", "half_frequencies", flags=["ties"],
+      each={"172_of_8_and_1": (172, 8, 1, 10), "1_of_128_and_1": (1, 128, 1, 1), "395_of_4_and_1": (395, 4, 1, 10)},
+      said={"172_of_8_and_1": "172 splats in 8 and 1 cells", "1_of_128_and_1": "1 splat in 128 and 1 cells",
+            "395_of_4_and_1": "395 splats in 4 and 1 cells"})  # fmt: skip
+def widths_round_down(value: tuple[int, int, int, int]) -> Inputs:
+    """M b (256 - b) >> 9, the division of t and the last shift of (15-9) round down each: {key}."""
+    expected = yield half(*value)
+    assert result(expected, "cumulative")[-1] == TOTAL
+
+
 @case("core", "half_frequencies", each={str(n): n for n in (511, 512, 513, 1023, 1024)})
 def low_bits_of_halves(value: int) -> Inputs:
     """Splats at the border of another raw low bit, number: {key}."""
@@ -371,7 +381,7 @@ def low_bits_of_halves(value: int) -> Inputs:
       each={"even": (8192, 8192, 1), "uneven": (8192, 1, 100), "gathered": (8192, 8191, 100),
             "spread": (1, 1, 1)})  # fmt: skip
 def largest_halves(value: tuple[int, int, int]) -> Inputs:
-    """2^21 splats, {key} halves: 13 low bits are raw, and no product exceeds 64 bits."""
+    """2^21 splats, {key} halves: 13 low bits are raw, and no product exceeds 32 bits."""
     expected = yield half(2**21, *value)
     assert result(expected, "low_bits") == 13
 

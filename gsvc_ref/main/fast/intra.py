@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_ref._jit import kernel
-from gsvc_ref.main.cells import MAX_BINOMIAL, cell_counts, cumulative_of_half, half_density, small_half
+from gsvc_ref.main.cells import HALVES, MAX_BINOMIAL, cell_counts, cumulative_of_half, half_density, place_of_halves
 from gsvc_ref.main.codes import CodeArrays
 from gsvc_ref.main.densities import (
     ALPHAS,
@@ -248,7 +248,6 @@ def read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answers
     axis, size, inside, alpha = halving
     states, mask = lanes.states, len(lanes.states) - 1
     place, length = lanes.place[0], 0
-    small, known = np.empty((MAX_BINOMIAL + 1, MAX_BINOMIAL + 2), np.int64), np.zeros(MAX_BINOMIAL + 1, np.bool_)
     for part in range(len(counts)):
         n, second = counts[part], min(size, inside - origins[part, axis] - size)
         answers[part], sizes[part] = n, 0
@@ -258,13 +257,10 @@ def read_halves(lanes: Lanes, counts: I8, origins: I8, halving: Halving, answers
         x = states[lane]
         slot = x & (TOTAL - 1)
         if n <= MAX_BINOMIAL and size == second:
-            if not known[n]:
-                small_half(n, alpha, small[n])
-                known[n] = True
-            k = 0
-            while small[n, k + 1] <= slot:
+            first, k = place_of_halves(n, alpha), 0
+            while k < n and HALVES[first + k] <= slot:
                 k += 1
-            start, end = small[n, k], small[n, k + 1]
+            start, end = HALVES[first + k - 1] if k else 0, HALVES[first + k] if k < n else TOTAL
         else:
             sizes[part], centre, scale_code = half_density(n, size, second, alpha)
             m = n >> sizes[part]
