@@ -13,7 +13,8 @@ import web_pages
 from gsvc_base.draws import Draws
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
-from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
+from gsvc_conformance.cases.main_layers import BASE, LAYERS, LayerPlan, with_layers
+from gsvc_conformance.cases.main_streams import Plan
 from gsvc_ref import spec
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import random_main_stream
@@ -207,6 +208,67 @@ def test_the_viewer_shows_what_stands_before_a_fault(new_page, layered, tmp_path
     page.wait_for_function("document.title.startsWith('cut')")
     assert "breaks off" in page.text("#notice")
     assert page.is_visible("#layers")
+
+
+QUIET = Plan("I", 6), Plan("P", 1, motion_cell=3), Plan("R")
+QUIET_LAYERS = LayerPlan(0, 1, Plan("I", 8)), LayerPlan(0, 2, Plan("I", 4)), LayerPlan(1, 2, Plan("P", 1))
+
+
+def shown(new_page, tmp_path, stream, name="quiet"):
+    """A page that shows a stream, with its first frame."""
+    path = tmp_path / f"{name}.gsvc"
+    path.write_bytes(stream)
+    page = new_page()
+    page.goto(f"{web_pages.INDEX.as_uri()}?renderer=webgl2")
+    page.drawn()
+    page.set_input_files("#open", path)
+    page.wait_for_function(f"document.title.startsWith('{name}')")
+    return page
+
+
+def told_of_frame(page, number):
+    """The facts about a frame, to which the page goes."""
+    page.press("Home", *["ArrowRight"] * number)
+    page.wait_for_function(f"document.querySelector('#place').textContent.startsWith('{number} of')")
+    return page.text("#frame")
+
+
+def test_the_viewer_tells_what_each_layer_does(new_page, tmp_path):
+    points = ((1, 1), (2, 0), (2, 0))
+    stream = with_layers(Draws(5), QUIET, QUIET_LAYERS, layer_count=3, level=2, qualities=points)
+    page = shown(new_page, tmp_path, stream)
+    assert page.is_hidden("#notice")
+    assert "base: level 1 at 1/2 of the size; base + 1: level 2; base + 2: level 2" in page.text("#file")
+    predicted = told_of_frame(page, 1)
+    assert "layer 1moves with the base: no bytes" in predicted
+    assert "motion of the base" in predicted.partition("layer 2")[2]
+    repeated = told_of_frame(page, 2)
+    assert "layer 1stays as it was: no bytes" in repeated
+    assert "layer 2stays as it was: no bytes" in repeated
+
+
+def test_the_viewer_shows_that_a_layer_is_lost(new_page, tmp_path):
+    page = shown(new_page, tmp_path, with_layers(Draws(5), QUIET, QUIET_LAYERS, layer_count=3, lost=[(1, 2)]))
+    notice = page.text("#notice")
+    for words in ("A layer that a frame names is missing.", "2 frames lack a layer.", "R-15.13-6"):
+        assert words in notice
+    assert "Missing:" not in notice
+    assert "2 without a layer" in page.get_attribute("#chart", "aria-label")
+    assert "lost" not in told_of_frame(page, 0)
+    assert "layer 2lost, and not shown before its next I" in told_of_frame(page, 1)
+    assert "layer 1moves with the base" in page.text("#frame")
+
+
+def test_a_quality_of_a_lower_level_is_shown_without_a_question(new_page, tmp_path):
+    points = ((1, 0), (3, 0), (4, 0))
+    stream = with_layers(Draws(5), QUIET, QUIET_LAYERS, layer_count=3, level=4, qualities=points)
+    page = shown(new_page, tmp_path, stream)
+    assert page.is_hidden("#ask")
+    assert page.input_value("#layer") == "1"
+    page.select_option("#layer", "2")
+    page.wait_for_function("!document.querySelector('#ask').hidden")
+    page.click("#decode")
+    page.wait_for_function("document.querySelector('#layer').value === '2' && document.querySelector('#ask').hidden")
 
 
 def test_the_example_of_profile_main(new_page):
