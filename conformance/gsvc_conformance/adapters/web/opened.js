@@ -65,6 +65,7 @@ globalThis.GSVC ??= {};
       this.buffer = new Uint8Array(0);
       this.states = new KeptStates(mostKept);
       this.tried = -1; // the byte at which reading went on behind a fault
+      this.due = 0; // the number of the frame that was due there
       this.searchFrom = null; // where the search goes on for a chunk to go on with
     }
 
@@ -158,6 +159,7 @@ globalThis.GSVC ??= {};
         return;
       }
       this.searchFrom = state.chunkBit / 8;
+      if (this.searchFrom === this.tried) state.nextNumber = this.due; // it was not gone on with
       if (state.layers) state.layers.damaged = true;
     }
 
@@ -199,11 +201,11 @@ globalThis.GSVC ??= {};
 
     #goOnAt(at, number) {
       const { s, state } = this;
+      Object.assign(this, { tried: at, due: state.nextNumber, lost: false, searchFrom: null });
       s.at = 8 * at;
       state.chunkBit = 8 * at;
       state.nextNumber = number;
       state.indexLength = 0;
-      Object.assign(this, { tried: at, lost: false, searchFrom: null });
     }
 
     /** Behind the end chunk of a stream whose header was found inside of this one. */
