@@ -138,7 +138,7 @@ CHECKS: tuple[Mutant, ...] = (
         ("LONGEST_HEADER = 1024  # bytes", "LONGEST_HEADER = 512  # bytes")),
     mutant(ERRORS, "kind-always-malformed", "every error reported as malformed", ('    return "invalid"\n', '    return "malformed"\n')),
     mutant(ERRORS, "kind-limit-as-invalid", "exceeded limits reported as invalid",
-        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-5-9", "R-9.4-2"),', '    "limit": (),')),
+        ('    "limit": ("R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-5-9", "R-5-11", "R-9.4-2"),', '    "limit": (),')),
     mutant(ERRORS, "kind-unsupported-as-invalid", "reserved values reported as invalid",
         ('    "unsupported": ("R-3.2-1", "R-5-6", "R-6.1-2", "R-6.5-1", "R-6.6-1"),', '    "unsupported": (),')),
     mutant(ERRORS, "highest-level-refused", "streams of the highest level refused",
