@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from gsvc_base.draws import Draws
 from gsvc_conformance.cases.faults import Broken
-from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of
+from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
@@ -127,6 +127,8 @@ ELEMENTS: Final[tuple[tuple[str, str, str, str, Lie, int], ...]] = (
 
 def main_faults() -> Iterator[Broken]:
     """All of them."""
+    yield Broken("R-5-4", "limit", "work_of_states", "1899 boxes of 139 x 128 pixels, 138 x 128 by the parameters",
+                 "level 1 allows 2^25 pairs", _one_column_more)  # fmt: skip
     for rule, what, lie, truth, told, complete in ELEMENTS:
         also = ("R-15.6-2",) if rule == "R-7-1" else ()
         yield Broken(rule, kind_of(rule), what, lie, truth, partial(streams, PLANS, told), complete, also)
@@ -160,3 +162,9 @@ def _truncations() -> Iterator[Broken]:
 
 def _cut(data: bytes, size: int) -> bytes:
     return data[:size]
+
+
+def _one_column_more() -> bytes:
+    """Boxes that end just behind a column of pixels, by states alone (5-2)."""
+    header = replace(MAIN_HEADER, level=2, width=1024, height=128)
+    return write_stream(header, [crowd(header, (239, 0), 1899, 64)], lies=[Lie("level", 1)])

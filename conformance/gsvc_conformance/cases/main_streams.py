@@ -103,10 +103,10 @@ def _rows(*row: int) -> Any:
     return np.array([row], np.int64)
 
 
-def crowd(header: SequenceHeader, sizes: Any, count: int) -> MainCodes:
-    """An I-frame of splats of class 2 in the first cell, whose codes of size and aspect are `sizes`."""
+def crowd(header: SequenceHeader, sizes: Any, count: int, luma: int = 4) -> MainCodes:
+    """An I-frame of splats in the first cell, of class 2 with this `luma`; `sizes` are the codes of size and aspect."""
     planes = (*PLAUSIBLE.planes[:3], Density(0, 20, 144), *PLAUSIBLE.planes[4:])
-    new = IntraCodes(*(np.repeat(_rows(*row), count, axis=0) for row in ((0, 0), (4, -1, 0), (*sizes, 0), (0, 0))))
+    new = IntraCodes(*(np.repeat(_rows(*row), count, axis=0) for row in ((0, 0), (luma, -1, 0), (*sizes, 0), (0, 0))))
     return MainCodes(type="I", quantizer=24, densities=densities_for(header, planes), new=new)
 
 

@@ -103,6 +103,9 @@ STATES: tuple[Mutant, ...] = (
     mutant(AREA, "work-of-main-halved-down", "halved sizes of frames rounded down", ("-(-size // 2**h)", "max(1, size // 2**h)")),
     mutant(AREA, "work-of-main-without-filter", "boxes in halved frames without the reach of the filter",
         ("    reach = reach + HALVED_REACH[h]\n", "    reach = reach + 0\n")),
+    mutant(AREA, "work-of-main-of-parameters", "rendering work of profile main by the parameters",
+        ("main_work(shown, state.header[\"width\"], state.header[\"height\"], h)[\"work\"]",
+         "rendering_work(state_parameters(shown)[\"parameters\"], state.header[\"width\"], state.header[\"height\"])[\"work\"]")),
     mutant(AREA, "work-of-main-in-32-bits", "rendering work that wraps around at 32 bits",
         ("np.array(np.sum(columns * rows), np.int64)}  # (5-2)", "np.array(np.sum(columns * rows) % 2**32, np.int64)}  # (5-2)")),
 )  # fmt: skip
