@@ -57,6 +57,11 @@ def key_frames(text: str) -> str | int | tuple[int, ...]:
     raise ArgumentTypeError(f"{text!r} is none of: auto, K (every K frames), or frame numbers such as 0,12,40")
 
 
+def lanes(text: str) -> str | int:
+    """``by-size``, ``by-size:P%``, which the settings check, or a number."""
+    return text if text.startswith("by-size") else whole(text)
+
+
 def frame_rate(text: str) -> Fraction:
     """A number above 0 as a ratio: ``25``, ``29.97`` or ``30000/1001``."""
     match = re.fullmatch(r"\d{1,9}(\.\d{1,9}|/\d{1,9})?", text, re.ASCII)

@@ -43,11 +43,17 @@ LONGEST_HEADER: Final = 1024
 """Maximum number of bytes of a sequence header's payload (R-5-3)."""
 
 
-def level_for(width: int, height: int, *, splats: int = 0, work: int = 0, payload: int = 0) -> int:
-    """The least level for frames of `width` by `height` pixels with that many splats, work and bytes of a chunk."""
+def level_for(
+    width: int, height: int, *, splats: int = 0, work: int = 0, payload: int = 0, lane_exponent: int = 0
+) -> int:
+    """The least level for frames of `width` by `height` pixels with that many splats, work and bytes of a chunk.
+
+    `lane_exponent` is the `max_lane_exponent` of profile `main`.
+    """
     for number, level in LEVELS.items():
         allowed = (level.pixels, level.splats, level.work, level.payload)
-        if all(need <= most for need, most in zip((width * height, splats, work, payload), allowed, strict=True)):
+        needs = zip((width * height, splats, work, payload), allowed, strict=True)
+        if lane_exponent <= LANE_EXPONENTS[number] and all(need <= most for need, most in needs):
             return number
     raise UsageError(
         f"no level allows {width}x{height} pixels with {splats} splats, {work} pairs of rendering work and chunks of "

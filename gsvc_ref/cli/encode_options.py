@@ -9,6 +9,7 @@ from gsvc_base.cli.arguments import (
     finite,
     frame_range,
     key_frames,
+    lanes,
     numbers_of,
     whole,
 )
@@ -94,7 +95,11 @@ def add_options(parser: ArgumentParser) -> None:
         "auto|off; dks = auto|all|off; profile paper alone: regions = auto|all; gsa, gsp = auto|all|off",
     )  # fmt: skip
     stream = parser.add_argument_group("stream")
-    stream.add_argument("--lanes", type=whole, metavar="L", dest="lane_count", help="lanes of the entropy coder, 1..64")
+    stream.add_argument(
+        "--lanes", type=lanes, metavar="by-size|L", dest="lane_count",
+        help="lanes of the entropy coder, which a decoder can take side by side: by-size (default; each frame has the "
+        "most that cost 1 %% of its bits; by-size:P%% another share), or 1..4096; profile paper: 1 (default) to 64",
+    )  # fmt: skip
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"
     )

@@ -98,7 +98,11 @@ def is_level_open(settings: Settings) -> bool:
 
 def first_level(settings: Settings, video: VideoFormat, coder: GroupCoder) -> int:
     """The level in the header of a stream that begins; where it is open, the highest that it may become."""
-    level = level_for(video.width, video.height, splats=settings.counted_splats(video.width, video.height))
+    splats, lane_exponent = (
+        settings.counted_splats(video.width, video.height),
+        coder.elements().get("max_lane_exponent", 0),
+    )
+    level = level_for(video.width, video.height, splats=splats, lane_exponent=lane_exponent)
     if settings.paced:
         return paced_level(settings, video, coder, level)
     return min(level + 1, max(LEVELS)) if is_level_open(settings) else level

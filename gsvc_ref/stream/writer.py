@@ -310,6 +310,7 @@ class StreamWriter:
             level_for(header.width, header.height, splats=most.splats, work=most.work, payload=most.payload)
             for most in self._most
         ]
+        levels[-1] = max(levels[-1], level_for(1, 1, lane_exponent=header.max_lane_exponent))
         qualities = tuple(map(Quality, levels)) if header.layer_count > 1 else ()
         self.header = replace(header, level=levels[-1], qualities=qualities)
 

@@ -189,7 +189,7 @@ def _tool_lines(header: "SequenceHeader") -> list[str]:
                 for point in header.operating_points
             ]
             layers += f" of level{'s' if len({*points}) > 1 else ''} {', '.join(dict.fromkeys(points))}"
-        return [f"  tools       up to {plural(header.lane_count, 'lane')} of the entropy coder, {layers}"]
+        return [f"  tools       up to {plural(1 << header.max_lane_exponent, 'lane')} of the entropy coder, {layers}"]
     return [
         f"  quantisers  Cholesky {header.cholesky_bits} bits; colours up to {plural(header.color_stages, 'stage')} of "
         f"up to {plural(header.color_codewords, 'codeword')}",

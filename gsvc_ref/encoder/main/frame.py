@@ -85,6 +85,7 @@ class MainFrameEncoder:
         # The first is N until an I-frame with a quality or PSNR to hold, `decide`, or a search for a size sets it.
         self.intra_splats, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
+        self.max_lane_exponent = settings.max_lane_exponent(width, height)
         # Whether each pixel may have a splat, in a picture of so few that it would have one splat by the usual share.
         self.has_pixel_splats = (
             settings.quality is None and settings.goal is None and self.most == width * height < PIXELS_PER_SPLAT
@@ -112,7 +113,7 @@ class MainFrameEncoder:
 
     def elements(self) -> dict[str, Any]:
         """The elements of the sequence header that the profile has."""
-        return {"profile": MAIN, "max_lane_exponent": self.settings.lane_count.bit_length() - 1}
+        return {"profile": MAIN, "max_lane_exponent": self.max_lane_exponent}
 
     @property
     def decides_first(self) -> bool:
@@ -300,10 +301,12 @@ class _MainFrame:
         return self._decoded(*encode_inter(frame, encoder.inter))
 
     def _decoded(self, codes: MainCodes, field: Field | None = None) -> _Coded:
-        """The codes, in as many lanes as the stream allows, with what a decoder makes of them."""
-        codes = replace(codes, lane_exponent=self.settings.lane_count.bit_length() - 1)
-        body, state_before = Writer(), self.encoder.state
-        state = frame_body(body, codes.type, state_before, codes.lane_exponent, MAX_SPLATS, codes).after
+        """The codes, in their lanes and with what a decoder makes of them."""
+        body, state_before, most = Writer(), self.encoder.state, self.encoder.max_lane_exponent
+        present = codes.type == "I" or codes.quantizer != state_before.quantizer
+        codes = replace(codes, quantizer_present=present, lane_exponent=0)
+        state = frame_body(body, codes.type, state_before, most, MAX_SPLATS, codes).after
+        codes = replace(codes, lane_exponent=self.settings.lane_exponent(body.position, most))
         return _Coded(codes, state, min(self._psnr_of(state), LOSSLESS_PSNR), body.position, field)
 
     def _psnr_of(self, state: MainState) -> float:

@@ -68,8 +68,12 @@ class Settings:
         Threads of the kernels; None: all. The bytes do not depend on it.
     precision
         The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
-    lane_count, index, checksums
-        The stream's: rANS lanes, an index for seeking, a checksum of each frame's parameters.
+    lane_count
+        Lanes of the entropy coder: as many as a decoder can use at once. Profile `main` has up to 4096, and
+        ``by-size`` as its default: in each frame the most that cost a hundredth of its bits; ``by-size:2%`` says
+        another share. Profile `paper` has up to 64, and 1 by default.
+    index, checksums
+        The stream's: an index for seeking, a checksum of each frame's parameters.
     paced
         Keep the limits of a second (spec.md section 5), so that a live player can promise to keep pace: an I-frame at
         least every four seconds, and an error where a second has too much.
@@ -81,6 +85,7 @@ class Settings:
     """The settings of each profile by its name: the classes that are derived from this one."""
     profile: ClassVar[ProfileName]
     PRESETS: ClassVar[tuple[str, ...]]
+    MOST_LANES: ClassVar[int]
     ELSEWHERE: ClassVar[str]
     """What is said of a setting that only this profile has, where the stream is of the other."""
     OTHER_NAMES: ClassVar[tuple[str, ...]] = ()
@@ -102,7 +107,7 @@ class Settings:
     seed: int = 0
     threads: int | None = None
     precision: Precision = "fast"
-    lane_count: int = 1
+    lane_count: int | str = 1
     index: bool = True
     checksums: bool = False
     paced: bool = False
@@ -119,7 +124,8 @@ class Settings:
         check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
         check_range("seed", self.seed, 0, 2**63 - 1)
-        check_range("lane_count", self.lane_count, 1, 64)
+        if isinstance(self.lane_count, int):
+            check_range("lane_count", self.lane_count, 1, self.MOST_LANES)
         start, stop = self.frames
         if not 0 <= start < (MAX_FRAMES if stop is None else min(stop, MAX_FRAMES)):
             raise UsageError(f"frames is {start}:{stop}; it must be A:B with 0 <= A < B, and A below {MAX_FRAMES}")

@@ -1,12 +1,14 @@
 """The settings of an encode of profile `main` (spec.md section 15), and its presets `quick` and `slow`."""
 
+import re
 from dataclasses import dataclass, field, replace
+from fractions import Fraction
 from itertools import pairwise
 from typing import Any, ClassVar, Final
 
 from gsvc_base.checks import check_range
 from gsvc_base.errors import UsageError
-from gsvc_ref.bitstream.header import MAX_LAYERS
+from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAX_LANE_EXPONENT, MAX_LAYERS, level_for
 from gsvc_ref.encoder.main.settings import InterSettings, IntraSettings
 from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT, ProfileName, Settings
 from gsvc_ref.encoder.settings.detection import quick_detection
@@ -16,14 +18,32 @@ LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
 
 
+BY_SIZE: Final = "by-size"
+"""The `lane_count` with which each frame has the most lanes that cost at most LANE_SHARE of its bits."""
+LANE_SHARE: Final = Fraction(1, 100)
+
+BITS_OF_LANE: Final = 8
+"""What a lane costs: how much longer its first state is, on average, than what it says."""
+
+
+def lane_share(text: str) -> Fraction:
+    """The share of a frame's bits that its lanes may cost, of a `lane_count` ``by-size`` or, say, ``by-size:2%``."""
+    match = re.fullmatch(rf"{BY_SIZE}(?::(\d{{1,2}}(?:\.\d{{1,4}})?)%)?", text, re.ASCII)
+    if match is None:
+        raise UsageError(f"lane_count is {text!r}; it must be a number, by-size, or by-size:P% with P below 100")
+    return LANE_SHARE if match[1] is None else Fraction(match[1]) / 100
+
+
 @dataclass(frozen=True, kw_only=True)
 class MainSettings(Settings):
     """The settings of an encode of profile `main`: those of `Settings`, and these."""
 
     profile: ClassVar[ProfileName] = "main"
     PRESETS: ClassVar[tuple[str, ...]] = ("quick", "slow")
+    MOST_LANES: ClassVar[int] = 1 << MAX_LANE_EXPONENT
     ELSEWHERE: ClassVar[str] = "{} is a setting of profile main; profile paper has splats and psnr for its quality"
 
+    lane_count: int | str = BY_SIZE
     intra: IntraSettings = field(default_factory=IntraSettings)
     inter: InterSettings = field(default_factory=InterSettings)
     # 0, the coarsest, to 79, the finest: frames have `quantizer` 79 - `quality`, and 8 more halve the step D of codes.
@@ -36,6 +56,8 @@ class MainSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("quality", self.quality, 0, QUANTIZERS - 1)
+        if isinstance(self.lane_count, str):
+            lane_share(self.lane_count)
         self._check_layers()
         if self.quality is not None and self.psnr is not None:
             raise UsageError(
@@ -75,6 +97,19 @@ class MainSettings(Settings):
     def has_quality(self) -> bool:
         """Whether frames have a quality that says how many splats they take."""
         return self.psnr is not None or self.quality is not None
+
+    def max_lane_exponent(self, width: int, height: int) -> int:
+        """That of the header of a stream; by size what the lowest level of such frames allows (R-5-11)."""
+        if isinstance(self.lane_count, int):
+            return self.lane_count.bit_length() - 1
+        return LANE_EXPONENTS[level_for(width, height)]
+
+    def lane_exponent(self, bits: int, most: int) -> int:
+        """That of a frame that has so many bits with one lane, up to `most`."""
+        if isinstance(self.lane_count, int):
+            return most
+        lanes = int(lane_share(self.lane_count) * bits / BITS_OF_LANE)
+        return min(max(lanes, 1).bit_length() - 1, most)
 
     @property
     def layer_count(self) -> int:

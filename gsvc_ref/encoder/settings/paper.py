@@ -71,6 +71,7 @@ class PaperSettings(Settings):
 
     profile: ClassVar[ProfileName] = "paper"
     PRESETS: ClassVar[tuple[str, ...]] = ("quick", "paper")
+    MOST_LANES: ClassVar[int] = 64
     ELSEWHERE: ClassVar[str] = (
         "{} is a setting of profile paper, and the stream is of profile main: choose profile paper, or leave it out; "
         "main has the presets quick and slow"
@@ -84,6 +85,8 @@ class PaperSettings(Settings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("entropy_precision", self.entropy_precision, 12, 16)
+        if isinstance(self.lane_count, str):
+            raise UsageError(f"lane_count is {self.lane_count!r}; in profile paper it is a number, 1 to 64")
         if (b := self.intra.quantizer.cholesky_bits) != self.inter.quantizer.cholesky_bits:
             raise UsageError(f"cholesky_bits is {b} for I-frames and another for P-frames; a stream has one for both")
 
