@@ -20,7 +20,7 @@ from gsvc_ref.testing.random_main_streams import make_main_frame
 from tests.hostile.hostile_streams import main_frames
 
 HEADER = SequenceHeader(
-    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=4, bit_depth=8
+    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, max_lane_exponent=2, bit_depth=8
 )
 
 
@@ -126,4 +126,10 @@ def growing(name: str, level: int, checksums: bool = False) -> bytes:
         profile=MAIN, level=2, width=32, height=24, layer_count=3, parameter_checksum_flag=checksums
     )
     base, layers = growing_codes(name, header)
-    return with_payload(write_stream(header, base, layers=layers), 0, lambda p: p[:1] + bytes([level]) + p[2:])
+
+    def stated(payload: bytes) -> bytes:
+        """The header with the level, and with it at all operating points."""
+        count = header.layer_count
+        return payload[:1] + bytes([level]) + payload[2:-count] + bytes([level << 5]) * count
+
+    return with_payload(write_stream(header, base, layers=layers), 0, stated)
