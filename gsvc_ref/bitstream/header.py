@@ -98,7 +98,7 @@ _OF_PROFILE: Final = (
 )
 """After `chroma_sample_loc_type`, by `profile`: name, bytes, lowest and highest value (sections 6.3 and 15.2)."""
 
-_OTHERS_RESERVED: Final = ("profile", "level", "layer_count", "main_tools")
+_RESERVED: Final = ("profile", "level", "layer_count", "main_tools")
 """The elements of which other values are reserved."""
 
 
@@ -265,7 +265,7 @@ def _header_elements(
     def element(name: str, size: int, lowest: int, highest: int) -> int:
         value = elements[name] = s.le(name, size, given[name])
         if not lowest <= value <= highest:
-            rule = "R-3.2-1" if name in _OTHERS_RESERVED else "R-6.3-1"
+            rule = "R-3.2-1" if name in _RESERVED else "R-6.3-1"
             s.fail(rule, f"`{name}` is {value}; it must be in {lowest}..{highest}")
         return value
 

@@ -16,7 +16,7 @@ from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import UV_LIMIT, Bytes, encode_uv
 from gsvc_ref.bitstream.crc import crc32c
-from gsvc_ref.bitstream.frames import frame_number_of
+from gsvc_ref.bitstream.frames import frame_number_of, layer_mask
 from gsvc_ref.bitstream.header import LEVELS, MAIN, SequenceHeader, sequence_header
 from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
@@ -169,8 +169,14 @@ class CopiedStream:
         out; otherwise they are those of `times`.
         """
         first = self.frame_count
+        masked = stream.header.layer_count > 1 == self._header.layer_count
         for chunk_type, p in selection:
-            rest = p.raw("payload", p.bytes_left, counted=False)
+            if masked and chunk_type in chunks.FRAMES:  # the base alone has no `layer_mask`
+                start_of_frame = p.raw("payload", 4 * stream.header.parameter_checksum_flag, counted=False)
+                layer_mask(p, stream.header)
+                rest: Bytes = bytes(start_of_frame) + bytes(p.raw("payload", p.bytes_left, counted=False))
+            else:
+                rest = p.raw("payload", p.bytes_left, counted=False)
             if chunk_type in chunks.FRAMES:
                 self._write_frame(name, chunk_type, rest)
             elif (with_times and chunk_type == ord(TIMES)) or self._may_stay(chunk_type, rest, first):

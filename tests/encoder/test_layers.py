@@ -2,6 +2,7 @@
 
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,9 @@ from gsvc_lab.scenes import demo_clip
 from gsvc_ref.cli import main
 from gsvc_ref.encoder import EncodeReport, IncompleteEncodeError, Settings
 from gsvc_ref.encoder.log import read_log
-from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main import layers
 from gsvc_ref.metrics import psnr
-from gsvc_ref.stream import Stream, StreamWriter
-from gsvc_ref.stream.decoded import DecodedLayer
+from gsvc_ref.stream import Stream
 from gsvc_ref.testing import split_chunks
 from gsvc_ref.video import open_writer
 from tests.cli.conftest import video_format
@@ -114,23 +114,22 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "'x' is not a finite number" in capsys.readouterr().err
 
 
-def test_a_frame_whose_layer_is_at_fault_counts_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What was written of it is a complete frame, which the report and the decisions of the stream count."""
-    written = StreamWriter.write_layer
+def test_a_frame_whose_layer_is_at_fault_is_not_written(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A mask names the layers that follow, so a frame is written with all of them or not at all."""
+    written = layers.layer_body
 
-    def refused(writer: StreamWriter, layer: int, codes: MainCodes) -> DecodedLayer:
-        if writer.frame_count == 2:
+    def refused(s: Any, header: Any, shown: Any, *rest: Any) -> Any:
+        if shown.number == 1:
             raise UsageError("no room for this layer")
-        return written(writer, layer, codes)
+        return written(s, header, shown, *rest)
 
-    monkeypatch.setattr(StreamWriter, "write_layer", refused)
+    monkeypatch.setattr("gsvc_ref.stream.writer.layer_body", refused)
     file = BytesIO()
     settings = Settings.quick(layer_splats=(12, 30), threads=1, decisions=True)
-    with pytest.raises(IncompleteEncodeError, match=r"no room for this layer.*2 complete frames") as caught:
+    with pytest.raises(IncompleteEncodeError, match=r"no room for this layer.*1 complete frame") as caught:
         gsvc_ref.encode(CLIP, file, settings)
     report = caught.value.report
-    assert [len(frame.layers) for frame in report.frames] == [2, 1]
-    assert report.frames[1].psnr == report.frames[1].layers[0].psnr
+    assert [len(frame.layers) for frame in report.frames] == [2]
     data = file.getvalue()
-    assert len(list(gsvc_ref.decode(data))) == 2
-    assert len(read_log(Stream(data).info().ancillary, 2)) == 2
+    assert len(list(gsvc_ref.decode(data))) == 1
+    assert len(read_log(Stream(data).info().ancillary, 1)) == 1

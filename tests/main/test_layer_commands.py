@@ -10,14 +10,12 @@ import pytest
 import gsvc_ref
 from gsvc_base.errors import UsageError
 from gsvc_ref import spec
-from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
-from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.cli import main
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_video
 from tests.main.material import stream_of
-from tests.main.test_main_layers import HEADER, TYPES, layered
+from tests.main.test_main_layers import TYPES, layered
 
 
 @pytest.fixture(scope="module")
@@ -162,11 +160,11 @@ def test_info_of_a_stream_without_layers_says_nothing_of_them(capsys: pytest.Cap
 
 def test_headers_of_one_layer(data: bytes) -> None:
     """A chunk of a layer that the header does not have is a fault for who wants layers, and for nobody else."""
-    one = SequenceHeader(**{**HEADER.arguments, "layer_count": 1, "profile": MAIN})
-    assert one.layer_count == 1
-    chunks = split_chunks(data)
-    header = chunks[0][1][:-1] + b"\x01"
-    stream = join_chunks([(b"H", header), *chunks[1:]], prefix=data[:PREFIX_SIZE])
+    target = BytesIO()
+    gsvc_ref.cut(data, target, 0)
+    chunks = split_chunks(target.getvalue())
+    stream = join_chunks([*chunks[:2], (b"n", b"\x40"), *chunks[2:]], prefix=data[:PREFIX_SIZE])
+    assert gsvc_ref.open(stream).header.layer_count == 1
     assert len(list(gsvc_ref.open(stream))) == len(TYPES)
     ours, theirs = gsvc_ref.reconstruct_layers(stream, 1), spec.reconstruct_layers(stream, 1)
     assert ours.error == theirs["error"]

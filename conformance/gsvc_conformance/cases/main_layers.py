@@ -402,6 +402,15 @@ def operating_points_of_smaller_sizes(value: int) -> Inputs:
     assert result(expected, "error") == ""
 
 
+@case("uncommon", "reconstruct_layers", rules=["R-5-9"])
+def operating_points_of_many_levels() -> Inputs:
+    """Four qualities, from level 1 at full size to level 5 at an eighth of it."""
+    points = {"level": 5, "layer_count": 4, "qualities": ((1, 0), (3, 1), (4, 2), (5, 3))}
+    layers = [LayerPlan(0, layer, Plan("I", 2)) for layer in (1, 2, 3)]
+    expected = yield {"stream": with_layers(Draws(4), [Plan("I", 3)], layers, **points), "layer": 3}
+    assert result(expected, "error") == ""
+
+
 def grown(count: int, new: int, kind: MainCodes) -> MainCodes:
     """A P-frame of `count` splats that stay as they are, with `new` ones of an I-frame."""
     still = np.zeros(count, np.int64), np.zeros((count, 8), np.int64)
