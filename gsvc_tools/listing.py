@@ -68,8 +68,9 @@ class Entry:
     def syntax(self) -> Json | None:
         """What spec.md says about the element; None about padding and payloads."""
         name = self.name.partition(",")[0]
-        structure = "end" if self.chunk == "E" else "frame_body" if self.profile == MAIN else ""
-        return named().get(f"{name} ({structure})") or named().get(name)
+        structures = ("end",) if self.chunk == "E" else ("frame_body", "run") if self.profile == MAIN else ()
+        found = (named().get(f"{name} ({structure})") for structure in structures)
+        return next((syntax for syntax in found if syntax), None) or named().get(name)
 
     def items(self) -> Iterator["Entry"]:
         """The elements of a run one by one; an element that stands alone is itself."""

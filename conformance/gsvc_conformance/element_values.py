@@ -20,8 +20,8 @@ IGNORED: Final = ("align", "payload", "unknown")
 """Entries of a reader's trace that are no elements."""
 
 
-OF_BODIES: Final = ("splat_count", "new_splat_count", "lane_state", "word")
-"""Elements of frame_body() whose names other structures have, too."""
+OF_MAIN: Final = {"quantizer_present": " (frame_body)", **dict.fromkeys(("lane_state", "word_count", "word"), " (run)")}
+"""Elements of profile `main` whose names other structures have, too, and what is added to them."""
 
 
 def values(stream: bytes) -> Values:
@@ -80,7 +80,7 @@ def _recorder(found: defaultdict[str, tuple[int, set[Number]]], profile: str = "
         elif name not in IGNORED and element.value is not None:
             value = element.value
             end = " (end)" if (element.category, name) == ("end", "frame_count") else ""
-            end = " (frame_body)" if profile == "main" and name in OF_BODIES else end
+            end = OF_MAIN.get(name, end) if profile == "main" else end
             _note(found, name + end, int.from_bytes(value, "little") % 2**63 if isinstance(value, bytes) else value)
 
     return record

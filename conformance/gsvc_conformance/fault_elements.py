@@ -13,8 +13,8 @@ from gsvc_base.document import PATH
 OFFSETS: Final = {
     "chunk_bit": "chunk_type", "frame_count_bit": "frame_count", "map_bit": "survivor_map", "table_bit": "frequency",
     "first_bit": "frame_number_step", "word_bit": "word", "state_bit": "lane_state", "start": "position_high",
-    'frame["checksum_bit"]': "parameter_checksum", 'body["densities_bit"]': "densities_present",
-    "self.word_bit": "word",
+    'frame["checksum_bit"]': "parameter_checksum",
+    "self.word_bit": "word", "self.state_bit": "lane_state", "self.end_bit": "raw_byte",
     "checksum_bit": "parameter_checksum",
 }  # fmt: skip
 """Elements by the variable of an offset that is not that of the element that was read last."""

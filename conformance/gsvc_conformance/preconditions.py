@@ -34,7 +34,6 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
     **dict.fromkeys(SIDES, (1, MAX_SIDE)),
     "bit_depth": (8, 16),
     "entropy_precision": (12, 16),
-    "lane_count": (1, 64),
     "video_full_range_flag": (0, 1),
     "chroma_sample_loc_type": (0, 5),
     "alphabet": (1, MAX_ALPHABET),

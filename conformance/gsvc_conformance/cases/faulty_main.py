@@ -5,12 +5,15 @@ from dataclasses import replace
 from functools import partial
 from typing import Any, Final
 
+import numpy as np
+
 from gsvc_base.draws import Draws
 from gsvc_conformance.cases.faults import Broken
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 PLANS: Final = (Plan("I", 9, lane_exponent=1), Plan("P", 2, lane_exponent=2, motion_cell=3), Plan("R"),
@@ -26,20 +29,8 @@ def streams(plans: tuple[Plan, ...], *lies: Lie, **header: Any) -> bytes:
     return write_stream(made, codes_of(made, plans, Draws(15)), index=False, lies=lies)
 
 
-def _short(words: Any) -> Any:
-    return words[:-1]
-
-
-def _long(words: Any) -> list[int]:
-    return [*words, 0]
-
-
-def _odd(words: Any) -> bytes:
-    return bytes(words.tobytes() + b"\0")
-
-
 def _other(words: Any) -> list[int]:
-    return [*words[:-1], int(words[-1]) ^ 1]
+    return [int(words[0]) ^ 0x4000, *words[1:]]
 
 
 def _lowest(states: Any) -> Any:
@@ -50,79 +41,77 @@ def _zero(states: Any) -> Any:
     return states * 0
 
 
+def _last_and_one(states: Any) -> Any:
+    return [*states[:-1], states[-1] + 1]
+
+
+def _without_densities(number: Any) -> Any:
+    return number - 1
+
+
+MANY: Final = (Plan("I", 30, lane_exponent=6), Plan("P", lane_exponent=6, kind="any"))
+"""Frames whose lanes are two groups."""
+
+FEW: Final = (Plan("I", 1, lane_exponent=6),)
+"""A frame whose last lanes have neither symbols nor late bits."""
+
 ELEMENTS: Final[tuple[tuple[str, str, str, str, Lie, int], ...]] = (
     ("R-3.2-1", "quantizer_80", "quantizer is 80", "79 is the highest", Lie("quantizer", 80), 0),
     ("R-3.2-1", "quantizer_255", "quantizer of a P-frame is 255", "79 is the highest", Lie("quantizer", 255, 1), 1),
-    ("R-3.2-1", "frame_reserved_1", "frame_reserved is 1", "0", Lie("frame_reserved", 1), 0),
-    ("R-3.2-1", "frame_reserved_2", "frame_reserved of a P-frame is 2", "0", Lie("frame_reserved", 2, 1), 1),
-    (
-        "R-15.5-1",
-        "eight_lanes",
-        "lane_exponent is 3, so that there are 8 lanes",
-        "lane_count is 4",
-        Lie("lane_exponent", 3),
-        0,
-    ),
-    ("R-15.5-1", "most_lanes", "lane_exponent of a P-frame is 7", "lane_count is 4", Lie("lane_exponent", 7, 1), 1),
-    (
-        "R-15.5-2",
-        "field_of_an_i_frame",
-        "an I-frame has a motion field",
-        "there is nothing that moves",
-        Lie("motion_cell", 1),
-        0,
-    ),
-    (
-        "R-15.5-3",
-        "no_densities",
-        "an I-frame with splats has no densities",
-        "it must have its own",
-        Lie("densities_present", 0),
-        0,
-    ),
-    (
-        "R-15.5-3",
-        "densities_of_nothing",
-        "a P-frame without new splats has densities",
-        "no plane has a code",
-        Lie("densities_present", 1, 2),
-        3,
-    ),
-    ("R-5-2", "splats_of_main", "splat_count is 16385", "level 1 allows 16384", Lie("splat_count", 16385), 0),
-    (
-        "R-5-2",
-        "new_splats_of_main",
-        "9 splats and 16384 new ones",
-        "level 1 allows 16384 together",
-        Lie("new_splat_count", 16384),
-        1,
-    ),
+    ("R-15.5-1", "eight_lanes", "lane_exponent is 3", "max_lane_exponent is 2", Lie("lane_exponent", 3), 0),
+    ("R-15.5-1", "most_lanes", "lane_exponent of a P-frame is 12", "max_lane_exponent is 2",
+     Lie("lane_exponent", 12, 1), 1),
+    ("R-3.2-1", "lane_exponent_13", "lane_exponent is 13", "12 is the highest", Lie("lane_exponent", 13), 0),
+    ("R-3.2-1", "lane_exponent_15", "lane_exponent of a P-frame is 15", "12 is the highest",
+     Lie("lane_exponent", 15, 1), 1),
+    ("R-15.5-2", "field_of_an_i_frame", "an I-frame has a motion field", "there is nothing that moves",
+     Lie("motion_cell", 1), 0),
+    ("R-15.5-5", "no_quantizer", "an I-frame has no quantizer", "it must say it", Lie("quantizer_present", 0), 0),
+    ("R-15.5-3", "no_densities", "an I-frame with splats has no densities", "it must have its own",
+     Lie("splat_number", _without_densities), 0),
+    ("R-5-2", "splats_of_main", "an I-frame has 16385 splats", "level 1 allows 16384",
+     Lie("splat_number", 2 * 16384 + 1), 0),
+    ("R-5-2", "splats_of_main_without_densities", "an I-frame has 16385 splats and no densities",
+     "level 1 allows 16384", Lie("splat_number", 2 * 16384), 0),
+    ("R-5-2", "new_splats_of_main", "9 splats and 16376 new ones", "level 1 allows 16384 together",
+     Lie("splat_number", 2 * 16375 + 1, 1), 1),
     ("R-6.6-5", "lane_state_65535", "lane states are 65535", "2^16 is the lowest", Lie("lane_state", _lowest), 0),
     ("R-6.6-5", "lane_state_0", "lane states of a P-frame are 0", "2^16 is the lowest", Lie("lane_state", _zero, 1), 1),
-    (
-        "R-7-1",
-        "main_word_too_few",
-        "the last word of an I-frame is missing",
-        "its symbols need it",
-        Lie("word", _short),
-        0,
-    ),
-    ("R-7-1", "main_word_too_many", "a word is left over", "all words are taken", Lie("word", _long), 0),
-    (
-        "R-7-1",
-        "main_other_word",
-        "the last word of a P-frame has another bit",
-        "every lane ends at 2^16",
-        Lie("word", _other, 1),
-        1,
-    ),
-    ("R-6.2-3", "main_odd_byte", "a byte stands behind the last word", "words fill the payload", Lie("word", _odd), 0),
+    ("R-7-1", "main_word_too_few", "the last word of an I-frame is missing", "its symbols need it",
+     Lie("word", lambda words: words[:-1]), 0),
+    ("R-7-1", "main_word_too_many", "a word too many stands in front of the raw bits", "all words are taken",
+     Lie("word", lambda words: [*words, 0]), 0),
+    ("R-7-1", "main_other_word", "the first word of a P-frame has another bit", "lanes end at 2^16 and late bits",
+     Lie("word", _other, 1), 1),
+    ("R-7-1", "raw_byte_too_many", "a byte of zeros stands between words and raw bits", "they meet",
+     Lie("raw_byte", lambda data: b"\0" + data), 0),
+    ("R-7-1", "raw_byte_too_few", "the last byte of the raw string is missing", "its values need it",
+     Lie("raw_byte", lambda data: data[1:]), 0),
+    ("R-7-1", "raw_bits_left", "a bit behind the last raw one is 1", "what is left of its byte is 0",
+     Lie("raw_byte", lambda data: bytes([data[0] | 0x80]) + data[1:]), 0),
     ("R-6.4-1", "main_frame_number", "the second frame has the number 2", "it is 1", Lie("frame_number", 2, 1), 1),
-    ("R-6.3-1", "layer_count_0", "layer_count is 0", "1 to 4", Lie("layer_count", 0), 0),
-    ("R-6.3-1", "layer_count_5", "layer_count is 5", "1 to 4", Lie("layer_count", 5), 0),
-    ("R-6.3-1", "main_lane_count_65", "lane_count is 65", "1 to 64", Lie("lane_count", 65), 0),
-)
+    ("R-3.2-1", "layer_count_0", "layer_count is 0", "1 to 4", Lie("layer_count", 0), 0),
+    ("R-3.2-1", "layer_count_5", "layer_count is 5", "1 to 4", Lie("layer_count", 5), 0),
+    ("R-3.2-1", "main_tools_1", "main_tools is 1", "all its bits are reserved", Lie("main_tools", 1), 0),
+    ("R-3.2-1", "main_tools_128", "main_tools is 128", "all its bits are reserved", Lie("main_tools", 128), 0),
+    ("R-5-11", "max_lane_exponent_7", "max_lane_exponent is 7", "level 1 allows 6", Lie("max_lane_exponent", 7), 0),
+    ("R-6.3-1", "max_lane_exponent_13", "max_lane_exponent is 13", "0 to 12", Lie("max_lane_exponent", 13), 0),
+)  # fmt: skip
 """Rule, slug, lie, truth, the lie as it is told, and how many frames precede the fault."""
+
+OF_LANES: Final[tuple[tuple[str, str, str, str, tuple[Plan, ...], Lie], ...]] = (
+    ("R-15.6-5", "word_count_beyond_the_payload", "the first group has 2^31 words", "the payload has fewer", MANY,
+     Lie("word_count", 2**31)),
+    ("R-15.6-5", "word_count_one_too_many", "the first group has a word more than the payload has room for",
+     "the payload has fewer", MANY, Lie("word_count", 2**10)),
+    ("R-7-1", "word_of_a_group_missing", "the first group has a word fewer than it takes", "its symbols need it", MANY,
+     Lie("word_count", lambda count: count - 1)),
+    ("R-7-1", "word_of_a_group_left", "the first group has a word more than it takes", "it takes all of them", MANY,
+     Lie("word_count", lambda count: count + 1)),
+    ("R-7-1", "unused_lane", "the last of 64 lanes begins at 2^16 + 1, and has no symbol", "it must be at 2^16", FEW,
+     Lie("lane_state", _last_and_one)),
+)  # fmt: skip
+"""Rule, slug, lie, truth, frames, and the lie as it is told of the first frame."""
 
 
 def main_faults() -> Iterator[Broken]:
@@ -132,6 +121,13 @@ def main_faults() -> Iterator[Broken]:
     for rule, what, lie, truth, told, complete in ELEMENTS:
         also = ("R-15.6-2",) if rule == "R-7-1" else ()
         yield Broken(rule, kind_of(rule), what, lie, truth, partial(streams, PLANS, told), complete, also)
+    for rule, what, lie, truth, plans, told in OF_LANES:
+        also = ("R-15.6-2",) if rule == "R-7-1" else ()
+        yield Broken(rule, kind_of(rule), what, lie, truth, partial(streams, plans, told, max_lane_exponent=6), 0, also)
+    yield Broken("R-7-1", "malformed", "no_words", "no byte follows the lane states", "symbols need words",
+                 partial(streams, PLANS, Lie("word", []), Lie("raw_byte", b"")), 0, ("R-15.6-2",))  # fmt: skip
+    yield Broken("R-7-1", "malformed", "late_lane_of_17_bits", "lane 10 ends at 2^17 or more, with late bits",
+                 "it must be below", _late_lane, 1, ("R-15.6-2",))  # fmt: skip
     yield Broken("R-15.5-2", kind_of("R-15.5-2"), "field_behind_nothing",
                  "a P-frame behind a frame without splats has a motion field", "there is nothing that moves",
                  partial(streams, EMPTY, Lie("motion_cell", 3, 1)), 1)  # fmt: skip
@@ -139,14 +135,27 @@ def main_faults() -> Iterator[Broken]:
                  "align() skips zeros", partial(streams, PLANS, Lie("align", 1), width=70))  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "no_densities_yet",
                  "new splats, and no frame since the I-frame has densities", "they need some",
-                 partial(streams, EMPTY, Lie("densities_present", 0, 1)), 1)  # fmt: skip
+                 partial(streams, EMPTY, Lie("splat_number", _without_densities)), 1)  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame",
                  "new splats, and only the frames before the I-frame have densities", "an I-frame forgets them",
-                 partial(streams, (Plan("I", 4), *EMPTY), Lie("densities_present", 0, 2)), 2)  # fmt: skip
+                 partial(streams, (Plan("I", 4), *EMPTY), Lie("splat_number", _without_densities, 1)), 2)  # fmt: skip
     yield Broken("R-6.4-3", kind_of("R-6.4-3"), "main_checksum", "the checksum of an I-frame is 0",
                  "it is that of its parameters",
                  partial(streams, PLANS, Lie("parameter_checksum", 0), parameter_checksum_flag=True))  # fmt: skip
     yield from _truncations()
+
+
+def _late_lane() -> bytes:
+    """3 splats with differences of 11 late bits each: 16 lanes end with some, of which 9 have symbols."""
+    header = replace(MAIN_HEADER, max_lane_exponent=6)
+    (intra,) = codes_of(header, [Plan("I", 3)], Draws(17))
+    large = np.full((3, 8), 1500, np.int64)
+    inter = MainCodes(type="P", quantizer=24, lane_exponent=6, modes=np.full(3, 7, np.int64), differences=large)
+
+    def higher(states: Any) -> Any:
+        return [*states[:10], states[10] + 2**16, *states[11:]]
+
+    return write_stream(header, [intra, inter], index=False, lies=[Lie("lane_state", higher, 1)])
 
 
 def _truncations() -> Iterator[Broken]:
