@@ -67,6 +67,7 @@ experiments: .venv/.ready-experiments            ## the paper's experiments, sma
 
 adapters: .venv/.ready-test,adapters,peers            ## judge and measure the adapters that run here; writes docs/reports/
 	-$(BIN)/gsvc-conformance run --reference $(call report,gsvc_ref)
+	-$(BIN)/gsvc-conformance run --serve "$(BIN)/python -m gsvc_conformance.adapters.c --serve" $(call report,c)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.opencl $(call report,opencl)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.pytorch $(call report,pytorch)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.webgpu $(call report,webgpu)

@@ -1,5 +1,6 @@
-"""Implementations that are not gsvc_ref, in languages of GPUs, judged by the kit: start from the one nearest to yours.
+"""Implementations that are not gsvc_ref, judged by the kit: start from the one nearest to yours.
 
+    c              C11 in integers: a decoder of profile `main`, for the kit a server; nearest to C++, Rust, a chip
     opencl         OpenCL C on tiles, and a thin host in Python: rendering and training; nearest to CUDA, HIP, Metal
     webgpu         WGSL through wgpu: a decoder, and gradients; nearest to Vulkan, Direct3D 12, GLSL
     web            JavaScript with WebGPU or WebGL2: a decoder with a parser of its own, and a page that shows streams
