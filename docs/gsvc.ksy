@@ -184,10 +184,26 @@ types:
         value: (flags & 1) == 1
   main_header:
     seq:
-      - id: lane_count
+      - id: max_lane_exponent
         type: u1
       - id: layer_count
         type: u1
+      - id: main_tools
+        type: u1
+      - id: quality
+        type: quality
+        repeat: expr
+        repeat-expr: layer_count
+        if: layer_count > 1
+    types:
+      quality:
+        seq:
+          - id: quality_level
+            type: b3
+          - id: quality_halvings
+            type: b2
+          - id: quality_reserved
+            type: b3
   frame:
     params:
       - id: place
@@ -491,55 +507,68 @@ types:
       - id: parameter_checksum
         type: u4
         if: _root.header.parameter_checksum_flag
+      - id: layer_mask
+        type: u1
+        if: _root.header.main_header.layer_count > 1
       - id: body
-        type: frame_body(_parent.chunk_type == type_of_chunk::intra_frame)
+        type: frame_body
         if: _parent.chunk_type != type_of_chunk::repeated_frame
   layer:
     seq:
       - id: layer
-        type: u1
+        type: b2
       - id: layer_type
-        type: u1
-        doc: 73 I, 80 P or 82 R.
+        type: b2
+        doc: 0 I, 1 P or 2 R.
+      - id: frame_low
+        type: b4
       - id: parameter_checksum
         type: u4
         if: _root.header.parameter_checksum_flag
       - id: body
-        type: frame_body(layer_type == 73)
-        if: layer_type != 82
+        type: frame_body
+        if: layer_type != 2
   frame_body:
-    params:
-      - id: is_intra
-        type: bool
     seq:
-      - id: quantizer
-        type: u1
       - id: lane_exponent
-        type: b3
+        type: b4
       - id: motion_cell
         type: b2
-      - id: densities_present
+      - id: quantizer_present
         type: b1
-      - id: frame_reserved
-        type: b2
-      - id: splat_count
+      - id: new_present
+        type: b1
+      - id: quantizer
+        type: u1
+        if: quantizer_present
+      - id: splat_number
         type: uv
-        if: is_intra
-      - id: new_splat_count
-        type: uv
-        if: not is_intra
+        if: new_present
       - id: densities
         type: densities
-        if: densities_present
+        if: 'new_present and splat_number.value % 2 == 1'
+      - id: run
+        type: run(lane_exponent)
+        if: not _io.eof
+        doc: Bytes are left if and only if there is a symbol.
+  run:
+    params:
+      - id: exponent
+        type: b4
+    seq:
       - id: lane_state
         type: u4
         repeat: expr
-        repeat-expr: 1 << lane_exponent
-        if: not _io.eof
-        doc: Bytes are left if and only if there is a symbol.
-      - id: word
-        type: u2
-        repeat: eos
+        repeat-expr: 1 << exponent
+      - id: word_count
+        type: uv
+        repeat: expr
+        repeat-expr: '(1 << exponent) / 32 - 1'
+        if: exponent > 5
+        doc: Of each group of 32 lanes but the last.
+      - id: words_and_raw_bytes
+        size-eos: true
+        doc: Where the words end only decoding tells; raw bits are read from the end.
   densities:
     seq:
       - id: density

@@ -40,7 +40,7 @@ def parser(tmp_path_factory):
 
 def test_names_are_those_of_the_spec():
     ids = set(re.findall(r"- id: (\w+)", TEXT))
-    assert {name.partition(" (")[0] for name in named()} <= ids
+    assert {name.partition(" (")[0] for name in named()} - {"raw_byte"} <= ids  # where they begin only decoding tells
     types = set(re.findall(r"^ +(\w+):$", TEXT, re.MULTILINE))
     assert {one["name"] for one in STRUCTURES} - {"stream"} <= types
 
@@ -49,7 +49,7 @@ def test_header_has_the_elements_in_their_order():
     part = TEXT[TEXT.index("\n  sequence_header:\n") : TEXT.index("\n  frame:\n")]
     said = re.findall(r"- id: (\w+)\n +type: u(\d)", part)
     elements = [e for one in STRUCTURES for e in one["elements"] if one["name"] in ("sequence_header", "main_header")]
-    expected = [(e["name"], e["descriptor"]) for e in elements if "descriptor" in e]
+    expected = [(e["name"], e["descriptor"]) for e in elements if e.get("descriptor", "").startswith("le")]
     assert [(name, f"le({size})") for name, size in said] == expected
 
 
@@ -91,7 +91,8 @@ def assert_read_alike(parser, data):
     frames = [chunk.payload for chunk in stream.chunk if chunk.is_frame]
     assert len(frames) == len(splats)
     if stream.header.profile == MAIN:
-        assert list(values_of(stream)) == list(values_listed(data))
+        listed = [pair for pair in values_listed(data) if pair[0] not in ("word", "raw_byte")]
+        assert list(values_of(stream)) == listed
         return len(frames), len(frames)
     complete = [frame.is_complete for frame in frames]
     for frame, count in zip(frames, splats, strict=True):
@@ -125,13 +126,16 @@ def test_layers(parser):
         if chunk.kind == parser.TypeOfPayload.layer
     ]
     assert [layer.layer for _, layer in found] == [entry.layer for entry in LAYERS]
-    assert [chr(layer.layer_type) for _, layer in found] == [entry.plan.type for entry in LAYERS]
+    assert ["IPR"[layer.layer_type] for _, layer in found] == [entry.plan.type for entry in LAYERS]
+    assert [layer.frame_low for _, layer in found] == [entry.frame for entry in LAYERS]
+    assert [quality.quality_level for quality in stream.header.main_header.quality] == [1] * 4
     for entry, (_, layer) in zip(LAYERS, found, strict=True):
         if entry.plan.type == "R":
             continue
-        assert layer.body.quantizer == entry.plan.quantizer
-        count = layer.body.splat_count if entry.plan.type == "I" else layer.body.new_splat_count
-        assert count.value == entry.plan.count
+        if layer.body.quantizer_present:
+            assert layer.body.quantizer == entry.plan.quantizer
+        count = layer.body.splat_number.value // 2 + 1 if layer.body.new_present else 0
+        assert count == entry.plan.count
 
 
 @NEEDS_COMPILER

@@ -10,7 +10,7 @@ from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import Lie, write_stream
 from tests.main.material import HEADER, both, codes_of, damages, stream_of
 
-PLAIN = SequenceHeader(profile=MAIN, level=1, width=20, height=9, lane_count=2)
+PLAIN = SequenceHeader(profile=MAIN, level=1, width=20, height=9, max_lane_exponent=1)
 STREAMS = {
     "plain": (PLAIN, "IPRI", 3, 3),
     "checksums": (HEADER, "IP", 5, 3),

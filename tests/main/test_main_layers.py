@@ -27,7 +27,7 @@ from gsvc_tools.listing import list_elements, place_of
 from tests.main.material import GROWING, damages, flipped, growing, growing_codes, with_payload
 
 HEADER = SequenceHeader(
-    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, lane_count=2, layer_count=3
+    profile=MAIN, level=1, width=32, height=24, parameter_checksum_flag=True, max_lane_exponent=1, layer_count=3
 )
 SMALL = {"max_frames": 4, "max_count": 20, "max_pixels": 4096}
 TYPES = "IPRPRIP"
@@ -134,7 +134,7 @@ def test_a_layer_without_a_chunk_behind_a_p_frame_is_gone() -> None:
 @pytest.mark.parametrize("checksums", [False, True])
 def test_some_damages(checksums: bool) -> None:
     header = SequenceHeader(
-        profile=MAIN, level=1, width=20, height=9, lane_count=2, layer_count=3, parameter_checksum_flag=checksums
+        profile=MAIN, level=1, width=20, height=9, max_lane_exponent=1, layer_count=3, parameter_checksum_flag=checksums
     )
     stream = layered("IPR", ({1: "I", 2: "I"}, {1: "P", 2: "R"}, {1: "P"}), header, count=2)
     for what, damaged in damages(stream, 41, first=5 + checksums):
