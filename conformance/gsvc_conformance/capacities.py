@@ -76,7 +76,9 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
         for name in ("motion_of_splats", "mode_contexts")
         for axis in "rc"
     },
-    ("encode_run", "lane_count"): (0, "there are at most 64 lanes"),
+    ("encode_run", "lane_count"): (0, "`encode_run` looks at one lane at a time"),
+    **{("encode_run", axis): (0, "raw values are a string of bits, whose length K stands for") for axis in "EF"},
+    ("window_frequencies", "M"): (1 << 8, "windows have at most 514 bins"),
     **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMN"},
     **{("reconstruct_layers", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TN"},
     **{("encode_video", axis): _ENCODER for axis in "THW"},

@@ -138,7 +138,7 @@ DECODERS: Final[Mapping[str, str]] = {
     "halves-of-any-size": "core/half_frequencies/unequal_halves_9_of_16",
     "run-emits-late": "core/encode_run/run_at_the_bound",
     "lanes-not-reset": "core/read_main_stream/main_lanes_64",
-    "raw-bits-in-one-pass": "stress/read_main_stream/main_symbols_any",
+    "one-list-of-words": "core/read_main_stream/main_groups_of_lanes_64",
     "models-kept-over-i-frames": "core/read_main_stream/main_models_adapt",
     "models-never-adapted": "core/read_main_stream/main_models_adapt",
     "vectors-not-wrapped": "stress/read_main_stream/main_vectors_wrap_around",

@@ -43,6 +43,8 @@ class Plan:
 
     Attributes
     ----------
+    quantizer
+        None: that of the frame before, which the frame does not say again.
     own
         Whether it has densities of its own.
     planes
@@ -51,7 +53,7 @@ class Plan:
 
     type: FrameType
     count: int = 0
-    quantizer: int = 24
+    quantizer: int | None = 24
     lane_exponent: int = 0
     motion_cell: int = 0
     own: bool = True
@@ -75,7 +77,8 @@ def frame_of(header: SequenceHeader, plan: Plan, state: MainState, rng: Draws) -
     before = MainState.initial(header.width, header.height) if plan.type == "I" else state
     codes = MainCodes(
         type=plan.type,
-        quantizer=plan.quantizer,
+        quantizer=before.quantizer if plan.quantizer is None else plan.quantizer,
+        quantizer_present=plan.quantizer is not None,
         lane_exponent=plan.lane_exponent,
         densities=densities_for(header, plan.planes) if plan.own and plan.count else None,
         motion_cell=plan.motion_cell if len(before.values) else 0,
@@ -143,6 +146,39 @@ def main_motion_cells(value: int, rng: Draws) -> Inputs:
     plans = Plan("I", 30), Plan("P", motion_cell=value), Plan("P", motion_cell=value, kind="any")
     expected = yield {"stream": main_stream(rng, *plans, width=150, height=70)}
     assert len(result(expected, "counts")) == 3
+
+
+@on("core", *READ, flags=["kept"])
+def main_quantizer_kept(rng: Draws) -> Inputs:
+    """P-frames without a quantizer have that of the last I- or P-frame, also behind an R-frame."""
+    plans = [Plan("I", 12, 30), Plan("P", 3, None, kind="any"), Plan("P", 2, 17, kind="any"), Plan("R"),
+             Plan("P", 2, None, kind="any"), Plan("I", 4, 40), Plan("P", 4, None, kind="any")]  # fmt: skip
+    expected = yield {"stream": main_stream(rng, *plans)}
+    if "bodies" in expected:
+        assert result(expected, "bodies")[:, 1].tolist() == [30, 30, 17, 17, 40, 40]
+
+
+@on("core", *READ, flags=["lanes"], each={"32": 5, "64": 6, "256": 8})
+def main_groups_of_lanes(value: int, rng: Draws) -> Inputs:
+    """Passes of up to 3,000 symbols in groups of 32 lanes, lanes: {key}; groups take words from lists of their own."""
+    plans = [Plan("I", 1000, lane_exponent=value), Plan("P", 90, lane_exponent=value, kind="any")]
+    expected = yield {"stream": main_stream(rng, *plans, level=2, max_lane_exponent=8)}
+    assert len(result(expected, "counts")) == 2
+
+
+@on("core", *READ)
+def main_late_bits_in_few_lanes(rng: Draws) -> Inputs:
+    """Four lanes and far more late bits than they carry, at any first bit in the string behind the early ones."""
+    plans = [Plan("I", 21, 8, lane_exponent=2), *[Plan("P", n, 8, lane_exponent=2, kind="any") for n in range(1, 6)]]
+    expected = yield {"stream": main_stream(rng, *plans)}
+    assert len(result(expected, "counts")) == 6
+
+
+@on("uncommon", *READ, flags=["lanes"])
+def main_most_lanes(rng: Draws) -> Inputs:
+    """4,096 lanes, as many as there can be, most of which have neither symbols nor late bits."""
+    expected = yield {"stream": main_stream(rng, Plan("I", 30, lane_exponent=12), level=4, max_lane_exponent=12)}
+    assert len(result(expected, "counts")) == 1
 
 
 @on("core", *READ, flags=["lanes"], each={"1": 0, "2": 1, "64": 6}, said={"1": "1 lane"})
