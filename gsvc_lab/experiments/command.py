@@ -30,6 +30,7 @@ NAMES: Final = (
     "key_frames",
     "ablation",
     "rate_distortion",
+    "layers",
     "rate_control",
     "time",
     "sizes",

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 OVERRIDES: Final = (
     "splats", "psnr", "quality", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
     "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
-    "paced", "profile", "layers", "layer_splats", "bitrate", "size", "mean_psnr", "vmaf",
+    "paced", "profile", "layers", "layer_splats", "layers_base", "bitrate", "size", "mean_psnr", "vmaf",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -56,13 +56,20 @@ def add_options(parser: ArgumentParser) -> None:
         help="this mean VMAF, as 93; the same way, with the extra bench",
     )  # fmt: skip
     rate.add_argument(
-        "--layers", type=numbers_of(finite), metavar="DB,DB,...",
-        help="quality layers of profile main, at most 4: the PSNR with the base, with layer 1, ..., as 30,34,38; "
-        "gsvc decode --layer shows and gsvc cut --layer keeps the lower ones",
+        "--layers", type=numbers_of(finite), nargs="?", const=2, metavar="DB,DB,...",
+        help="quality layers of profile main: without a value two, the base with half of the splats, some 5 %% more "
+        "bits; or up to 4 by the PSNR with the base, with layer 1, ..., as 30,34; gsvc decode --layer shows and gsvc "
+        "cut --layer keeps the lower ones",
     )  # fmt: skip
     rate.add_argument(
         "--layers-splats", type=numbers_of(whole), metavar="N,N,...", dest="layer_splats",
-        help="the same by the number of splats with the base, with layer 1, ..., as 200,400,800",
+        help="the same by the number of splats with the base, with layer 1, ..., as 200,400,800; three take about "
+        "twice as many bits more as two do",
+    )  # fmt: skip
+    rate.add_argument(
+        "--layers-base", type=finite, metavar="W",
+        help="how much the base's error counts against that of all layers, above 0 to 1 (default: 0.15 of two layers, "
+        "0.1 of more): a higher one gives a base of fewer bits for its PSNR, and more bits for all layers",
     )  # fmt: skip
     rate.add_argument(
         "--quality", type=whole, metavar="Q",

@@ -31,10 +31,10 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
     splats = plural(settings.most_splats(width, height), "splat")
     about = "about " if settings.profile == "main" else ""
     if isinstance(settings, MainSettings) and settings.layer_count > 1:
-        goals = [f"{goal:g} dB" for goal in settings.layers] or [
+        goals = [f"{goal:g} dB" for goal in settings.layer_goals] or [
             plural(goal, "splat") for goal in settings.layer_splats
         ]
-        rate = f"{settings.layer_count} layers of {', '.join(goals)}"
+        rate = f"{settings.layer_count} layers of {', '.join(goals) or splats + ' together'}"
     elif settings.goal is not None:
         goal = GOAL_TEXT[settings.goal].format(getattr(settings, settings.goal))
         rate = f"{goal} with at most {about}{splats} a frame"

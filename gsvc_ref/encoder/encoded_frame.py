@@ -37,6 +37,7 @@ class EncodedFrame:
     seconds: dict[str, float] = field(default_factory=dict)
     decisions: tuple[Decision, ...] = ()  # those of its coder; `described` makes them one for each effect
     reason: str | None = None  # why it is of its type, where its coder chose that; else `described` says it
+    carried: bool = False  # of a layer that moves with the base, without a chunk; its codes are those of an R-frame
     layers: tuple[EncodedLayer, ...] = ()  # the base and those above it; empty without layers
     # `described` sets both; the time is that of the whole frame
     number: int = 0

@@ -126,7 +126,7 @@ def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least
 
 def missed_quality(frames: list[FrameReport], settings: Settings, video: VideoFormat) -> list[str]:
     """Sentences on frames that have less than the quality asked for."""
-    if isinstance(settings, MainSettings) and settings.layers:
+    if isinstance(settings, MainSettings) and settings.layer_goals:
         return _missed_layers(frames, settings)
     goal = settings.psnr
     if goal is None:
@@ -151,7 +151,7 @@ def missed_quality(frames: list[FrameReport], settings: Settings, video: VideoFo
 def _missed_layers(frames: list[FrameReport], settings: MainSettings) -> list[str]:
     """A sentence for each layer with which frames have less than the quality asked for."""
     notes = []
-    for layer, goal in enumerate(settings.layers):
+    for layer, goal in enumerate(settings.layer_goals):
         reached = [frame.layers[layer].psnr for frame in frames if frame.layers]
         missed = [psnr for psnr in reached if psnr < goal]
         if missed:

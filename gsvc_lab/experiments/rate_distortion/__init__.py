@@ -18,12 +18,10 @@ from gsvc_lab.experiments.experiment import Experiment, Result, Run
 from gsvc_lab.experiments.rate_distortion.claim import verdict
 from gsvc_lab.experiments.rate_distortion.figures import draw_clip, draw_seconds
 from gsvc_lab.experiments.rate_distortion.goals import X264_IP, goals_of, goals_table, summary
-from gsvc_lab.experiments.rate_distortion.layers import WRITTEN, Layered, layered
 from gsvc_lab.experiments.rate_distortion.plan import LARGE_FRAMES, PAPER_FRAMES, Job, jobs
 from gsvc_lab.experiments.rate_distortion.speed import SPLATS, Seconds, in_turns
 from gsvc_lab.experiments.rate_distortion.tables import (
     decisions_table,
-    layers_table,
     main_table,
     published_table,
     why_table,
@@ -61,7 +59,6 @@ class Measured:
     clips: Sequence[PlanarClip]  # the clips
     curves: Sequence[Curve]  # the curves of all coders on all clips
     seconds: Seconds | None = None  # seconds of the first clip, in turns; None if it is too small
-    layers: Sequence[Layered] = ()  # each clip in layers; empty if the encoder writes none
 
 
 def run(settings: Run, codecs: Sequence[Codec] = CODECS) -> Result:
@@ -72,19 +69,14 @@ def run(settings: Run, codecs: Sequence[Codec] = CODECS) -> Result:
         warm_up((PAPER, MAIN, ALONE), folder)
         clips: list[PlanarClip] = []
         curves: list[Curve] = []
-        layers: list[Layered] = []
         seconds = None
         for job in jobs(settings):
             clip = named(job.load(folder / "clip.yuv"), clips)
             if not clips and clip.format.width * clip.format.height > SPLATS:
                 seconds = in_turns(clip, folder, settings.threads)
             clips.append(clip)
-            own = curves_of(job, clip, codecs, settings, folder)
-            if WRITTEN:
-                single = next(curve for curve in own if curve.coder == MAIN.name)
-                layers.append(layered(clip, single, folder, settings.threads))
-            curves += own
-    return result(Measured(clips, curves, seconds, layers), settings)
+            curves += curves_of(job, clip, codecs, settings, folder)
+    return result(Measured(clips, curves, seconds), settings)
 
 
 def named(clip: PlanarClip, others: Sequence[PlanarClip]) -> PlanarClip:
@@ -105,9 +97,7 @@ def result(measured: Measured, settings: Run) -> Result:
 
     against = {coder.name: compared(curves, coder.name) for coder in (*CODERS, OWN)}
     main = against[MAIN.name]
-    reached = goals_of(
-        [one for one in main if one.clip not in short] or main, curves, measured.seconds, measured.layers
-    )
+    reached = goals_of([one for one in main if one.clip not in short] or main, curves, measured.seconds)
     tables = [goals_table(reached), bd_table(f"BD-rate of {MAIN.name}: {MORE}", main, means(main)), why_table()]
     if slow := against.get(SLOW.name):
         tables.append(bd_table(f"BD-rate of {SLOW.name}: {MORE}", slow, means(slow)))
@@ -127,8 +117,6 @@ def result(measured: Measured, settings: Run) -> Result:
     for coder in (MAIN, SLOW):
         if coder.name in against:
             tables.append(main_table(curves, coder.name, (PAPER.name, LONG.name, X264_IP, CODECS[0].label())))
-    if measured.layers:
-        tables.append(layers_table(measured.layers))
     notes = [f"{clip.title}: {clip.note}" for clip in clips]
     tables += [points_table(curves), published_table(), decisions_table(curves, notes, *ffmpeg.description())]
     figures: dict[str, str] = {}
@@ -140,7 +128,6 @@ def result(measured: Measured, settings: Run) -> Result:
         "gsvc_against": [one for found in against.values() for one in found],
         "goals": reached,
         "seconds": measured.seconds,
-        "layers": list(measured.layers),
         "means": means(main),
     }
     paper = against[PAPER.name]

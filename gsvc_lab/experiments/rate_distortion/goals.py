@@ -11,7 +11,6 @@ from gsvc_lab.bench.compare import Comparison
 from gsvc_lab.bench.measure import Curve
 from gsvc_lab.bench.tables import percent
 from gsvc_lab.experiments.experiment import Table
-from gsvc_lab.experiments.rate_distortion.layers import Layered
 from gsvc_lab.experiments.rate_distortion.speed import Seconds
 
 X264_IP: Final = CODECS[0].label(1)
@@ -64,14 +63,11 @@ def ratios_by_clip(comparisons: Sequence[Comparison], anchor: str) -> dict[str, 
     return {clip: ratio for clip, ratio in found.items() if ratio is not None}
 
 
-def goals_of(
-    against: Sequence[Comparison], curves: Sequence[Curve], seconds: Seconds | None, layers: Sequence[Layered]
-) -> list[Goal]:
+def goals_of(against: Sequence[Comparison], curves: Sequence[Curve], seconds: Seconds | None) -> list[Goal]:
     """The goals, given the comparisons of `main` quick with all others."""
     paper, x264 = ratios_by_clip(against, PAPER.name), ratios_by_clip(against, X264_IP)
     clips = len({c.clip for c in against})
     over, over_remark = _over_code_length(curves)
-    several = {one.clip: one.ratio for one in layers if one.ratio is not None}
     encoding, decoding = (None, None) if seconds is None else (seconds.encoding, seconds.decoding)
     turns = "" if seconds is None else f"{seconds.clip}, N {seconds.splats}, in turns; "
     return [
@@ -83,10 +79,6 @@ def goals_of(
         Goal("BD-rate against x264 slow, I and P only, carphone", 1.05, 0.90, *_favourite(x264)),
         Goal("BD-rate against x264 slow, I and P only, the worst clip", None, 2.00, *_worst(x264),
              complete=len(x264) == clips),
-        Goal("three layers against one, at full quality, geometric mean", 1.25, 1.12,
-             mean_ratio(list(several.values())),
-             f"{len(several)} of {len(layers)} clips" if layers else "this encoder writes no layers"),
-        Goal("three layers against one, at full quality, the worst clip", 1.25, 1.12, *_worst(several)),
         Goal("seconds of encoding, quick over paper's quick", 1.0, 0.5, encoding and encoding[1] / encoding[0],
              turns + _pair(encoding), as_percent=False),
         Goal("seconds of decoding over those of paper", 1.3, 1.0, decoding and decoding[1] / decoding[0],

@@ -1,4 +1,4 @@
-"""The tables of the experiment alone: its points, layers, how it was compared, and what the paper publishes."""
+"""The tables of the experiment alone: its points, how it was compared, and what the paper publishes."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -8,7 +8,6 @@ from gsvc_lab.bench.measure import Curve
 from gsvc_lab.bench.tables import percent, reported
 from gsvc_lab.experiments.experiment import Table
 from gsvc_lab.experiments.rate_distortion.decisions import DECISIONS, WHY
-from gsvc_lab.experiments.rate_distortion.layers import Layered
 
 PUBLISHED: Final = (
     ("GSVC, N = 10,000", "0.20", "33.92", "0.93", "87.95"),
@@ -57,23 +56,6 @@ def main_table(curves: Sequence[Curve], coder: str, anchors: Sequence[str]) -> T
         "file over ideal", "encoding, s/frame",
     )  # fmt: skip
     return Table(f"{coder}: every point, and its bits over those of others at its PSNR", columns, tuple(rows))
-
-
-def layers_table(found: Sequence[Layered]) -> Table:
-    """Three layers against one."""
-    rows = [
-        (
-            one.clip,
-            ", ".join(map(str, one.splats)),
-            f"{one.psnr:.2f}",
-            f"{8 * one.bytes:,}",
-            "–" if one.single_bytes is None else f"{8 * one.single_bytes:,.0f}",
-            "–" if one.ratio is None else percent(one.ratio),
-        )
-        for one in found
-    ]
-    columns = ("clip", "N of the layers together", "PSNR of all, dB", "bits", "bits of one layer there", "more")
-    return Table("GSVC main, quick: three layers against one at full quality", columns, rows)
 
 
 def published_table() -> Table:

@@ -71,6 +71,7 @@ class Field(NamedTuple):
 def best_field(
     objective: SampledObjective,
     reference: F4,
+    inherited: I8,
     pictures: tuple[F4, F4],
     previous: Field | None,
     settings: InterSettings,
@@ -78,13 +79,15 @@ def best_field(
 ) -> Field:
     """The field of least cost, of none and those with cells of `settings`: `cell_gain` * N * log2(error) + bits.
 
+    Where there is none, splats have an `inherited` motion (N, 2) i8 in 1/256 pixel: in a layer by the base's field.
+
     The cost has the logarithm of the squared error since later steps take back most of a large one for few bits.
     BIT_PRICE acts only in `choose`, among fields of one cell. Where smaller cells cost more, the search ends.
 
     `reference` (N, 8) f4 are the splats before they move, `pictures` (H, W, 3) f4 the frame before and the new one, and
     `previous` is the field of the frame before.
     """
-    search = _Search(objective, reference, BIT_PRICE * D * D)
+    search = _Search(objective, reference, inherited, BIT_PRICE * D * D)
     worth = settings.cell_gain * len(reference)
     best = Field(0, np.zeros((0, 0, 2), np.int64), search.error_of_none)
     least_cost, coarser_cost = worth * float(log2(max(best.error, 1.0))), math.inf
@@ -130,12 +133,14 @@ class _Point(NamedTuple):
 class _Search:
     """The error of fields, and steps towards smaller ones."""
 
-    def __init__(self, objective: SampledObjective, reference: F4, price: float) -> None:
+    def __init__(self, objective: SampledObjective, reference: F4, inherited: I8, price: float) -> None:
         self.objective, self.price = objective, price
         self.reference, self.points = reference, reference[:, :2].astype(np.float64)  # (N, 8) f4, (N, 2)
         self.curvature = curvatures(reference)
         self.scale = objective.height * objective.width * SQUARE_OF_8_BITS
-        self.error_of_none = objective.evaluate(reference)[0] * self.scale
+        still = reference.copy()
+        still[:, :2] += inherited.astype(np.float32) / np.float32(256)  # exact: whole 1/256 pixels below 2^16
+        self.error_of_none = objective.evaluate(still)[0] * self.scale
 
     def descend(self, cell: int, start: F8, steps: int) -> F8:
         """The vectors after some Gauss-Newton steps from a field, or from none if that is better."""

@@ -15,7 +15,7 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.initialization import Growth
 from gsvc_ref.encoder.main.coordinates import limited, log_kernel, to_parameters
 from gsvc_ref.encoder.main.descent import Walk
-from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.main.target import LayeredTarget, Target
 
 GROWTH: Final = Growth(end=0.45)  # splats are added early, so that the last ones find their places too
 FIT_D: Final = 16.0  # D of the metric while only the error counts: it bounds the steps of the faintest splats
@@ -26,16 +26,19 @@ MAX_SHEAR: Final = 12.0  # largest |l21 / l22|: what every density can hold
 MIN_MARGIN: Final = 0.01
 """Smallest distance in pixels of a center from the edge of the frame, inside of which a cell must hold it."""
 
+_NO_SPLATS: Final[F8] = np.zeros((0, 8))
+
 Penalty = Callable[[F8, F8], float]
 """A term beside the error, of coordinates (N, 8); its gradient is added to another (N, 8)."""
 
 
-def fit(target: Target, total: int, rng: Generator, evaluations: int) -> F8:
+def fit(target: Target | LayeredTarget, total: int, rng: Generator, evaluations: int, below: F8 = _NO_SPLATS) -> F8:
     """Coordinates (N, 8) of `total` splats close to a picture, without rounding and at any number of bits.
 
-    `rng` draws their places. The evaluations are those of all splats, beside one for each addition.
+    `rng` draws their places. The evaluations are those of all splats, beside one for each addition. Splats (B, 8) of
+    layers below stand in front of them, and move with them.
     """
-    z = target.start(GROWTH.start(total), rng)
+    z = np.concatenate([below, target.start(GROWTH.start(total), rng)])
     plan = GROWTH.counts(total, evaluations)
     walk = Walk(len(z), FIT_D)
     for i in range(evaluations):
@@ -43,7 +46,7 @@ def fit(target: Target, total: int, rng: Generator, evaluations: int) -> F8:
             walk.append(0)
         keep_inside(z, target.width, target.height)
         error, gradient = target.evaluate(to_parameters(z))
-        new = plan.get(i, 0) - len(z)
+        new = plan.get(i, 0) + len(below) - len(z)
         if new > 0:
             walk.learn(z, error, gradient)
             walk.append(new)
@@ -54,7 +57,7 @@ def fit(target: Target, total: int, rng: Generator, evaluations: int) -> F8:
     return z if walk.best is None else walk.best.z
 
 
-def descend(target: Target, z: F8, walk: Walk, evaluations: int, penalty: Penalty | None = None) -> F8:
+def descend(target: Target | LayeredTarget, z: F8, walk: Walk, evaluations: int, penalty: Penalty | None = None) -> F8:
     """The best coordinates (N, 8) on a walk from z (N, 8); those that the target holds are not in z."""
     walk.best = None
     for _ in range(evaluations):

@@ -20,6 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_base.arrays import F4, Frame
+from gsvc_base.portable import power
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.header import MAIN
@@ -40,14 +41,16 @@ from gsvc_ref.encoder.main.field import Field
 from gsvc_ref.encoder.main.inter import PFrame, encode_inter
 from gsvc_ref.encoder.main.intra import encode_intra, intra_evaluations, splats_for
 from gsvc_ref.encoder.main.pixels import PIXEL_SPLATS, encode_pixels
-from gsvc_ref.encoder.main.target import Target
+from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS, Target
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.encoder.settings import MainSettings
 from gsvc_ref.encoder.settings.common import MAX_SPLATS, PIXELS_PER_SPLAT
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
+from gsvc_ref.main.codes import Field as Motion
 from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.layers import carried
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr
 from gsvc_ref.paper import FrameType
@@ -59,6 +62,13 @@ P_TRIES: Final = 8  # the most that are tried for a P-frame
 LOSSLESS_PSNR: Final = 200.0  # stands for that of a frame equal to its source, in dB; no other frame has so much
 
 FALLEN_DB: Final = 1.0  # where the source stays equal, a P-frame this far below its I-frame is worked on again
+CHUNK_BITS: Final = 56  # those of a layer's chunk around its body
+CARRY_PRICE: Final = 0.24
+"""Squared error that a bit is worth where a layer may be carried, in D^2.
+
+It is twice the price elsewhere: what a carried frame leaves over is made good once, later. At 0.12 hardly any is.
+"""
+
 PASS_GAIN: Final = 0.3  # each further pass follows only if the last one gained more than this many dB
 
 
@@ -106,8 +116,9 @@ class MainFrameEncoder:
         self.is_catching_up = False
         # Of a layer: the splats of the base and the layers below it in the next frame, and those of the layers above it
         # in the frame before. A P-frame is fitted to the picture with them all, those above moved by the optical flow,
-        # so that this layer moves with those above it.
+        # so that this layer moves with those above it. If the base is a P-frame, its field is what the layer may take.
         self.below, self.above = Splats.empty(), Splats.empty()
+        self.moves: Motion | None = None
         self.corrects_drift = corrects_drift and settings.psnr is None and settings.quality is None
         self._drift = Drift(settings.inter.fall, 0)
 
@@ -139,7 +150,10 @@ class MainFrameEncoder:
 
     def encode(self, frame: Frame, frame_type: FrameType, number: int, progress: OnStage) -> EncodedFrame:
         """Encode a frame (H, W, 3) u1 or u2; the next one is predicted from its reconstruction."""
-        work = _MainFrame(self, frame, number, progress)
+        return self.encode_frame(MainFrame(self, frame, number, progress), frame_type)
+
+    def encode_frame(self, work: "MainFrame", frame_type: FrameType) -> EncodedFrame:
+        """As `encode`, of a frame of this encoder."""
         is_equal = frame_type == "R"
         is_again = is_equal and self.is_catching_up
         if is_again:
@@ -165,12 +179,14 @@ class MainFrameEncoder:
         self.last_psnr = result.psnr
 
 
-class _MainFrame:
+class MainFrame:
     """The work on one frame: what its steps share, and the time that each takes."""
 
     def __init__(self, encoder: MainFrameEncoder, frame: Frame, number: int, progress: OnStage) -> None:
         self.encoder, self.settings, self.frame = encoder, encoder.settings, frame
         self.number, self.progress = number, progress
+        self.joint: Callable[[], MainCodes] | None = None  # gives the codes of an I-frame that is made with its layers
+        self.state = encoder.state if encoder.moves is None else replace(encoder.state, inherited=encoder.moves)
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
         self.seconds = StageSeconds()
@@ -180,8 +196,11 @@ class _MainFrame:
     @cached_property
     def target(self) -> Target:
         """What the splats of an I-frame are fitted to."""
-        settings = self.settings
-        watch = self._watch(intra_evaluations(settings.intra))
+        return self.new_target(intra_evaluations(self.settings.intra))
+
+    def new_target(self, evaluations: int) -> Target:
+        """What splats are fitted to in about so many evaluations."""
+        settings, watch = self.settings, self._watch(evaluations)
         return Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
 
     def repeat(self, reason: str | None = None) -> EncodedFrame:
@@ -197,7 +216,9 @@ class _MainFrame:
         """An I-frame; `reason` is why a P-frame became one, None where it was to be one."""
         encoder, settings = self.encoder, self.settings
         with self.seconds.timed("intra"):
-            if settings.psnr is not None:
+            if self.joint is not None:
+                coded = self._decoded(self.joint())
+            elif settings.psnr is not None:
                 coded = self._held_intra(settings.psnr)
                 if encoder.has_pixel_splats and coded.psnr < settings.psnr:
                     coded = max(coded, self._coded_pixels(), key=lambda one: one.psnr)
@@ -207,7 +228,7 @@ class _MainFrame:
                 quantizer = None if settings.quality is None else QUANTIZERS - 1 - settings.quality
                 if quantizer is not None and settings.splats is None:
                     encoder.intra_splats = splats_for(
-                        self.target, quantizer, self._rng(), settings.intra, encoder.intra_splats, encoder.most
+                        self.target, quantizer, self.rng(), settings.intra, encoder.intra_splats, encoder.most
                     )
                 coded = self._coded_intra(encoder.intra_splats, quantizer)
         if settings.psnr is not None:
@@ -226,11 +247,16 @@ class _MainFrame:
         if encoder.has_pixel_splats and settings.psnr is None:
             return self.intra(PIXEL_SPLATS)
         with self.seconds.timed("inter"):
+            kept = None if encoder.moves is None else self._carried(encoder.moves)
+            if kept is not None and self._is_enough(kept):
+                return kept
             coded = (
                 self._coded_inter(encoder.quantizer)
                 if settings.psnr is None
                 else search_quantizer(self._coded_inter, encoder.quantizer, settings.psnr, P_TRIES, encoder.intra_bits)
             )
+        if kept is not None and settings.psnr is None and self._cost(kept.psnr) <= self._cost(coded.psnr, coded.bits):
+            return kept
         if len(coded.codes.modes) + coded.codes.intra_count > encoder.room:
             return self.intra("no room for more splats in the level of the stream")
         if settings.psnr is not None and is_missed(coded.psnr, settings.psnr, encoder.intra_psnr):
@@ -240,15 +266,35 @@ class _MainFrame:
         self._log_inter(coded.codes)
         return self._finished(coded)
 
+    def _carried(self, moves: Motion) -> EncodedFrame:
+        """A layer that moves with the base, without a chunk."""
+        state = carried(self.encoder.state, moves)
+        achieved = self._psnr_of(state)
+        reason = "moving with the base is worth more than the bits of a chunk"
+        return EncodedFrame(
+            MainCodes.repeated_frame(), state, achieved, self.iterations, self.seconds, reason=reason, carried=True
+        )
+
+    def _is_enough(self, kept: EncodedFrame) -> bool:
+        """Whether a layer that is carried needs no look at others."""
+        goal = self.settings.psnr
+        return self._cost(kept.psnr) <= CHUNK_BITS if goal is None else kept.psnr >= goal
+
+    def _cost(self, achieved: float, bits: int | None = None) -> float:
+        """The squared error of a frame with this PSNR in dB, in what a bit is worth, and the bits of its chunk."""
+        D, values = step_of(self.encoder.quantizer) / 16, 3 * self.frame.shape[0] * self.frame.shape[1]
+        error = values * SQUARE_OF_8_BITS * power(10.0, -min(achieved, LOSSLESS_PSNR) / 10)
+        return float(error / (CARRY_PRICE * D * D)) + (0 if bits is None else bits + CHUNK_BITS)
+
     def _coded_intra(self, splats: int, quantizer: int | None) -> _Coded:
         """An I-frame of about this number of splats."""
-        return self._decoded(encode_intra(self.target, splats, self._rng(), quantizer, self.settings.intra))
+        return self._decoded(encode_intra(self.target, splats, self.rng(), quantizer, self.settings.intra))
 
     def _coded_pixels(self) -> _Coded:
         """An I-frame with a splat on each pixel."""
         return self._decoded(encode_pixels(self.picture, self.encoder.bit_depth))
 
-    def _rng(self) -> np.random.Generator:
+    def rng(self) -> np.random.Generator:
         """Randomness of the frame: each try begins with the same draws."""
         return np.random.default_rng([self.settings.seed, self.number])
 
@@ -295,14 +341,18 @@ class _MainFrame:
         watch = self._watch(settings.inter.evaluations)
         objective, sampled = watched_objectives(self.picture, beside, splats, settings, watch)
         frame = PFrame(
-            encoder.state, objective, sampled, encoder.picture_before, self.picture, quantizer, encoder.intra_splats,
+            self.state, objective, sampled, encoder.picture_before, self.picture, quantizer, encoder.intra_splats,
             encoder.field,
         )  # fmt: skip
-        return self._decoded(*encode_inter(frame, encoder.inter))
+        coded = self._decoded(*encode_inter(frame, encoder.inter))
+        if encoder.moves is None or coded.codes.motion_cell == 0:
+            return coded
+        other = self._decoded(*encode_inter(frame, replace(encoder.inter, cells=())))
+        return min(coded, other, key=lambda one: self._cost(one.psnr, one.bits))
 
     def _decoded(self, codes: MainCodes, field: Field | None = None) -> _Coded:
         """The codes, in their lanes and with what a decoder makes of them."""
-        body, state_before, most = Writer(), self.encoder.state, self.encoder.max_lane_exponent
+        body, state_before, most = Writer(), self.state, self.encoder.max_lane_exponent
         present = codes.type == "I" or codes.quantizer != state_before.quantizer
         codes = replace(codes, quantizer_present=present, lane_exponent=0)
         state = frame_body(body, codes.type, state_before, most, MAX_SPLATS, codes).after

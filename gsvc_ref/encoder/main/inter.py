@@ -91,8 +91,10 @@ def encode_inter(frame: PFrame, settings: InterSettings) -> tuple[MainCodes, Fie
     """The codes of a P-frame, and its field, which may come close to that of the next one."""
     state = frame.state
     reference, pictures = state.splats.to_array(), (frame.picture_before, frame.picture)
-    field = best_field(frame.sampled, reference, pictures, frame.previous, settings, frame.step / 16)
-    q, removed, new = _Updates(frame, field_motion(state.values, field.vectors, field.cell), settings).codes()
+    inherited = field_motion(state.values, *state.inherited)
+    field = best_field(frame.sampled, reference, inherited, pictures, frame.previous, settings, frame.step / 16)
+    motion = field_motion(state.values, field.vectors, field.cell) if field.cell else inherited
+    q, removed, new = _Updates(frame, motion, settings).codes()
     new = new.take(cell_order(new.cells, state.width, state.height))
     densities = None
     if len(new) and state.densities is None:  # no splat was in the last I-frame

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_base.arrays import F4, F8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.portable import power
 from gsvc_ref._jit import kernel
 from gsvc_ref.encoder.main.codes import nearest_codes
@@ -130,7 +130,7 @@ def refine(target: Target, z: F8, D: float, rng: Generator, settings: IntraSetti
     done, walk = 0, Walk(len(z), D)
     for share in sorted({*settings.moves, *REMOVALS, 1.0}):
         stop = int(settings.refinement * share)
-        z = descend(target, z, walk, stop - done, partial(add_bits, D))
+        z = descend(target, z, walk, stop - done, partial(add_bits, D, BITS_WEIGHT))
         done = stop
         weak, total = int(np.count_nonzero(squared_energies(z) <= least)), len(z)
         moves = share in settings.moves
@@ -152,29 +152,35 @@ def round_sequentially(target: Target, z: F8, step: int, rng: Generator, setting
     splats are in a part is drawn at random, so that neighbors mostly are in different parts. The error that is left is
     mostly that of the last parts.
     """
-    order = np.argsort(rng.random(len(z)), kind="stable")
-    ends = np.minimum(np.cumsum(np.round(np.array(PARTS) * len(z)).astype(np.int64)), len(z))
-    ends[-1] = len(z)
-    D, rounded, held = step / 16, list[IntraCodes](), list[F4]()
-    z = descend(target, z, Walk(len(z), D), settings.rounding, partial(add_bits, D))
-    for first, end in zip((0, *ends[:-1]), ends, strict=True):
-        rounded.append(nearest_codes(z[order[first:end]], step, target.width, target.height))
-        free = order[end:]
+    D, rounded, held, done = step / 16, list[IntraCodes](), list[F4](), list[I8]()
+    parts = drawn_parts(len(z), rng)
+    z = descend(target, z, Walk(len(z), D), settings.rounding, partial(add_bits, D, BITS_WEIGHT))
+    for part, free in parts:
+        done.append(part)
+        rounded.append(nearest_codes(z[part], step, target.width, target.height))
         if len(free):
             held.append(parameters_of(intra_state(rounded[-1], step)))
             target.hold(np.concatenate(held))
-            z[free] = descend(target, z[free], Walk(len(free), D), settings.rounding, partial(add_bits, D))
+            z[free] = descend(target, z[free], Walk(len(free), D), settings.rounding, partial(add_bits, D, BITS_WEIGHT))
     target.hold(np.zeros((0, 8), np.float32))
-    return IntraCodes.joined(rounded).take(np.argsort(order, kind="stable"))
+    return IntraCodes.joined(rounded).take(np.argsort(np.concatenate(done), kind="stable"))
+
+
+def drawn_parts(count: int, rng: Generator) -> list[tuple[I8, I8]]:
+    """The parts in which `count` splats are rounded: the indices of each, and of those that are free after it."""
+    order = np.argsort(rng.random(count), kind="stable")
+    ends = np.minimum(np.cumsum(np.round(np.array(PARTS) * count).astype(np.int64)), count)
+    ends[-1] = count
+    return [(order[first:end], order[end:]) for first, end in zip((0, *ends[:-1]), ends, strict=True)]
 
 
 @kernel()
-def add_bits(D: float, z: F8, gradient: F8) -> float:
+def add_bits(D: float, weight: float, z: F8, gradient: F8) -> float:
     """The term of the bits, W D^2 / 2 ln((E^2 + D^2) / D^2) of all splats; its gradient is added to another (N, 8)."""
     d2, total = D * D, 0.0
     for i in range(len(z)):
         e2 = squared_energy(z[i])
         for k in range(5, 8):
-            gradient[i, k] += BITS_WEIGHT * d2 / (e2 + d2) * z[i, k]
+            gradient[i, k] += weight * d2 / (e2 + d2) * z[i, k]
         total += log_kernel((e2 + d2) / d2)
-    return total * (0.5 * BITS_WEIGHT * d2)
+    return total * (0.5 * weight * d2)

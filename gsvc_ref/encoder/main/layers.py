@@ -11,12 +11,14 @@ these two, and 73.0 for 35.2 with them; 400, 900 and 1,800 on 8 of `bikes` took 
 
 from copy import copy
 from dataclasses import replace
+from functools import partial
 from typing import Any, cast
 
 from gsvc_base.arrays import Frame
 from gsvc_base.splats import Splats
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer, OnStage
-from gsvc_ref.encoder.main.frame import MainFrameEncoder
+from gsvc_ref.encoder.main.frame import MainFrame, MainFrameEncoder
+from gsvc_ref.encoder.main.joint import encode_joint, joint_evaluations
 from gsvc_ref.encoder.settings import MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.main.codes import MainCodes
@@ -30,10 +32,11 @@ class LayeredFrameEncoder:
     def __init__(self, settings: MainSettings, width: int, height: int, bit_depth: int) -> None:
         self.settings = settings
         self.parts = [  # of the base and each layer above it; the D of P-frames is that of all layers together
-            MainFrameEncoder(one, width, height, bit_depth, corrects_drift=False) for one in settings.of_layers()
+            MainFrameEncoder(one, width, height, bit_depth, corrects_drift=False)
+            for one in settings.of_layers(width, height)
         ]
-        self.together = not settings.layers  # whether a P-frame's layers are fitted with those above them
-        if settings.layers:  # each may need all splats that there is room for
+        self.together = not settings.layer_goals  # whether a P-frame's layers are fitted with those above them
+        if settings.layer_goals:  # each may need all splats that there is room for
             for part in self.parts:
                 part.most, part.room = max(1, part.most // len(self.parts)), part.room // len(self.parts)
 
@@ -70,27 +73,44 @@ class LayeredFrameEncoder:
         """Encode a frame (H, W, 3) u1 or u2 and its layers; the next one is predicted from their reconstruction."""
         below = Splats.empty()
         encoded: list[EncodedFrame] = []
+        joint: list[MainCodes] = []
         for part, above in zip(self.parts, self._above(), strict=True):
-            part.below, part.above = below, above
-            encoded.append(part.encode(frame, frame_type, number, progress))
+            part.below, part.above, part.moves = below, above, None
+            if encoded:
+                base = encoded[0].codes
+                part.moves = cast("MainCodes", base).field if base.type == "P" else None
+                frame_type = base.type
+            work = MainFrame(part, frame, number, progress)
+            if joint:
+                work.joint = partial(joint.__getitem__, len(encoded))
+            elif self.together and not encoded:
+                work.joint = partial(self._fitted, work, joint)
+            encoded.append(part.encode_frame(work, frame_type))
             part.is_catching_up = False  # where the base repeats, so do the layers
-            if encoded[0].codes.type == "I":  # then no layer is there to be predicted from (R-15.13-2)
-                frame_type = "I"
             below = below.append(part.state.splats)
-        if frame_type == "I" and self.together:
+        if joint:
             for part in self.parts:
                 part.quantizer = (part.quantizer + self.parts[-1].quantizer) // 2
         seconds = StageSeconds()
         for layer in encoded:
             seconds.add(layer.seconds)
         layers = tuple(
-            EncodedLayer(number, cast("MainCodes", layer.codes), part.state, layer.psnr)
+            EncodedLayer(number, cast("MainCodes", layer.codes), part.state, layer.psnr, layer.carried)
             for number, (layer, part) in enumerate(zip(encoded, self.parts, strict=True))
         )
         return replace(
             encoded[0], psnr=layers[-1].psnr, iterations=sum(layer.iterations for layer in encoded), seconds=seconds,
             layers=layers,
         )  # fmt: skip
+
+    def _fitted(self, work: MainFrame, joint: list[MainCodes]) -> MainCodes:
+        """The codes of the base of an I-frame; those of all layers are put into `joint`."""
+        settings = self.settings
+        evaluations = joint_evaluations(settings.intra, len(self.parts))
+        targets = [work.new_target(evaluations) for _ in self.parts]
+        splats = [part.intra_splats for part in self.parts]
+        joint += encode_joint(targets, splats, settings.layer_weights, work.rng(), settings.intra)
+        return joint[0]
 
     def _above(self) -> list[Splats]:
         """The splats of all layers above each, as they are now."""

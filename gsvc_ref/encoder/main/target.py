@@ -8,14 +8,14 @@ same at every size. What another size evaluates is another function, so that an 
 change (as after `Walk.append`). The last evaluations belong to the full size.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property, partial
 from typing import Final
 
 import numpy as np
 from numpy.random import Generator
 
-from gsvc_base.arrays import F4, F8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_coordinates
 from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
@@ -129,3 +129,46 @@ class Target:
         if self._on_evaluation:
             self._on_evaluation(loss)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
+
+
+class LayeredTarget:
+    """A picture to be described in several qualities: each has a target, and its squared error counts by its weight.
+
+    Splats stand layer by layer. Quality l has those of layers 0 to l, and the topmost one has all of them, also those
+    behind the N whose layers (N,) are known, which are its own in the making.
+    """
+
+    def __init__(self, targets: Sequence[Target], weights: Sequence[float], layers: I8) -> None:
+        self.targets, self.weights, self.layers = targets, weights, layers
+        self.width, self.height = targets[-1].width, targets[-1].height
+
+    def start(self, count: int, rng: Generator) -> F8:
+        """As of `Target`, where the splats evaluated last, those of the layers below, leave the most."""
+        return self.new_splats(count, count, rng)
+
+    def new_splats(self, count: int, total: int, rng: Generator) -> F8:
+        """As of `Target`, for the topmost quality, of which `total` splats are not of the layers below."""
+        return self.targets[-1].new_splats(count, len(self.layers) + total, rng)
+
+    def resize(self, splats: int | None = None) -> bool:
+        """As of `Target`: the picture stays as large as it is."""
+        return False
+
+    def ends(self) -> list[int]:
+        """How many splats each quality but the topmost one has."""
+        below = np.arange(len(self.targets) - 1)
+        return [int(end) for end in np.searchsorted(self.layers, below, side="right")]
+
+    def hold(self, parameters: Sequence[F4]) -> None:
+        """From now on splats (n, 8) f4, of each layer, are in the pictures of its quality and of all above it."""
+        for quality, target in enumerate(self.targets):
+            target.hold(np.concatenate(parameters[: quality + 1]))
+
+    def evaluate(self, parameters: F4) -> tuple[float, F8]:
+        """The weighted squared error of splats (N, 8) f4, and its gradient (N, 8) f8, as of `Target`."""
+        total, gradient = 0.0, np.zeros(parameters.shape)
+        for target, weight, end in zip(self.targets, self.weights, [*self.ends(), len(parameters)], strict=True):
+            error, of_quality = target.evaluate(parameters[:end])
+            total += weight * error
+            gradient[:end] += weight * of_quality
+        return total, gradient

@@ -17,6 +17,9 @@ from gsvc_ref.main.tables import QUANTIZERS
 LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
 
+MIDDLE_WEIGHT: Final = 0.2
+"""What the error of a layer between the base and the topmost one weighs, if the base does not weigh more."""
+
 
 BY_SIZE: Final = "by-size"
 """The `lane_count` with which each frame has the most lanes that cost at most LANE_SHARE of its bits."""
@@ -49,9 +52,13 @@ class MainSettings(Settings):
     # 0, the coarsest, to 79, the finest: frames have `quantizer` 79 - `quality`, and 8 more halve the step D of codes.
     # Without `splats`, a frame gets those that are worth their bits at this D. None: D follows from the splats.
     quality: int | None = None
-    # PSNR in dB with the base, with layer 1, ..., rising; empty: none, or those of `layer_splats`
-    layers: tuple[float, ...] = ()
+    # PSNR in dB with the base, with layer 1, ..., rising; or how many layers, with N splats, with half of them without
+    # the topmost one, and so on; empty: none, or those of `layer_splats`
+    layers: tuple[float, ...] | int = ()
     layer_splats: tuple[int, ...] = ()  # splats of a frame with the base, with layer 1, ..., rising
+    # What the error of the base weighs against that of all layers, with `layer_splats`: the more, the fewer bits the
+    # base takes for its PSNR, and the more all together. None: 0.15 of two layers, 0.1 of more
+    layers_base: float | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,7 +74,7 @@ class MainSettings(Settings):
 
     @classmethod
     def _qualities(cls) -> tuple[str, ...]:
-        return ("psnr", "quality", "layers", "layer_splats")
+        return ("psnr", "quality", "layers", "layer_splats", "layers_base")
 
     @classmethod
     def quick(cls, profile: str = "main", **overrides: Any) -> "MainSettings":
@@ -81,17 +88,26 @@ class MainSettings(Settings):
         return replace(cls.quick(), preset="slow", **longer).with_(profile=profile, **overrides)
 
     def _check_layers(self) -> None:
-        for name, values, highest in (("layers", self.layers, 100), ("layer_splats", self.layer_splats, 1 << 22)):
-            if not values:
-                continue
+        for name, values, highest in (("layers", self.layer_goals, 100), ("layer_splats", self.layer_splats, 1 << 22)):
             for value in values:
                 check_range(name, value, 1, highest)
             if len(values) > MAX_LAYERS or any(a >= b for a, b in pairwise(values)):
                 raise UsageError(f"{name} is {values}; give at most {MAX_LAYERS} values that grow")
-            others = [other for other in ("splats", "psnr", "quality") if getattr(self, other) is not None]
-            others += ["layers"] if name == "layer_splats" and self.layers else []
-            if others:
-                raise UsageError(f"{name} says how good each layer is, and so does {others[0]}; give one of them")
+        if isinstance(self.layers, int):
+            check_range("layers", self.layers, 1, MAX_LAYERS)
+        given = [
+            name for name in ("layer_splats", "layers", "psnr", "quality") if getattr(self, name) not in (None, ())
+        ]
+        if self.splats is not None and not isinstance(self.layers, int):
+            given.append("splats")
+        if given and given[0] in ("layers", "layer_splats") and len(given) > 1:
+            raise UsageError(f"{given[0]} says how good each layer is, and so does {given[1]}; give one of them")
+        if self.layers_base is not None:
+            check_range("layers_base", self.layers_base, 0, 1)
+            if self.layer_count == 1 or self.layer_goals or self.layers_base == 0:
+                raise UsageError(
+                    f"layers_base is {self.layers_base}; give more than 0, and layers by their number or layer_splats"
+                )
 
     @property
     def has_quality(self) -> bool:
@@ -114,16 +130,30 @@ class MainSettings(Settings):
     @property
     def layer_count(self) -> int:
         """The number of layers of a frame, with the base."""
-        return max(len(self.layers), len(self.layer_splats), 1)
+        return self.layers if isinstance(self.layers, int) else max(len(self.layers), len(self.layer_splats), 1)
 
-    def of_layers(self) -> list["MainSettings"]:
+    @property
+    def layer_goals(self) -> tuple[float, ...]:
+        """The PSNR in dB that each layer has to hold, if it has."""
+        return () if isinstance(self.layers, int) else self.layers
+
+    @property
+    def layer_weights(self) -> tuple[float, ...]:
+        """What the error of each quality of an I-frame weighs, beside 1 of the topmost one."""
+        base = self.layers_base or (0.15 if self.layer_count == 2 else 0.1)
+        return base, *(self.layer_count - 2) * (max(base, MIDDLE_WEIGHT),), 1.0
+
+    def of_layers(self, width: int, height: int) -> list["MainSettings"]:
         """The settings of the base and of each layer above it, as if each were a stream."""
         inter = replace(self.inter, cell_gain=self.inter.cell_gain * LAYER_CELL_GAIN)
-        alone = replace(self, layers=(), layer_splats=(), inter=inter)
-        if self.layers:
-            return [replace(alone, psnr=psnr) for psnr in self.layers]
-        below = (0, *self.layer_splats)
-        return [replace(alone, splats=total - fewer) for fewer, total in zip(below, self.layer_splats, strict=False)]
+        alone = replace(self, layers=(), layer_splats=(), layers_base=None, inter=inter)
+        if self.layer_goals:
+            return [replace(alone, psnr=psnr) for psnr in self.layer_goals]
+        totals, count = self.layer_splats, self.layer_count
+        if not totals:
+            all_splats = self.splat_count(width, height)
+            totals = tuple(max(layer + 1, all_splats >> (count - 1 - layer)) for layer in range(count))
+        return [replace(alone, splats=total - fewer) for fewer, total in zip((0, *totals), totals, strict=False)]
 
     @property
     def inter_iterations(self) -> int:
@@ -134,8 +164,8 @@ class MainSettings(Settings):
         """Maximum number of splats of a frame of this size."""
         if self.layer_splats:
             return self.with_splats(self.layer_splats[-1]).splat_count(width, height)
-        if self.layers:
-            return replace(self, layers=(), psnr=self.layers[-1]).most_splats(width, height)
+        if self.layer_goals:
+            return replace(self, layers=(), psnr=self.layer_goals[-1]).most_splats(width, height)
         if self.splats is None and width * height < PIXELS_PER_SPLAT:
             return width * height
         return super().most_splats(width, height)
@@ -148,7 +178,7 @@ class MainSettings(Settings):
 
     def told_splats(self, width: int, height: int) -> int | None:
         """N for a frame of this size; None where it follows from a quality or another goal."""
-        return None if self.layers else super().told_splats(width, height)
+        return None if self.layer_goals else super().told_splats(width, height)
 
     def counted_splats(self, width: int, height: int) -> int:
         """As `Settings.counted_splats`: a P-frame counts what it removes and what it adds, up to twice N."""
