@@ -94,15 +94,16 @@ globalThis.GSVC ??= {};
       : RULES[rule] ?? KINDS[kind];
     const behind = frames.filter((frame) => 8 * frame.byteOffset > bit).length;
     const before = frames.length - behind;
+    const lacking = frames.filter((frame) => frame.lacking.length > 0).length;
+    const [whole, is, are] = lacking === 0 ? ["whole ", "is whole and is", "are whole and are"] : ["", "is", "are"];
     const rest = frames.length === 0 ? "No frame can be shown."
-      : behind > 0 ? `The ${number(frames.length)} whole frames are shown, ${number(behind)} of them behind the damage.`
-        : before === 1 ? "The frame before it is whole and is shown."
-          : `The ${number(before)} frames before it are whole and are shown.`;
+      : behind > 0 ? `The ${number(frames.length)} ${whole}frames are shown, ${number(behind)} of them behind the damage.`
+        : before === 1 ? `The frame before it ${is} shown.`
+          : `The ${number(before)} frames before it ${are} shown.`;
     const missing = missingInWords(frames, missingAtEnd, "Missing: ");
     const where = `Found at byte ${number(Math.floor(bit / 8))} of ${number(size)} (${kind}, rule ${rule} of spec.md).`;
     const others = faultCount < 2 ? [] : [faultCount === 2 ? "One more fault follows."
       : `${number(faultCount - 1)} more faults follow.`];
-    const lacking = frames.filter((frame) => frame.lacking.length > 0).length;
     const lack = lacking === 1 ? "frame lacks" : "frames lack";
     const incomplete = lacking === 0 ? [] : [`${number(lacking)} ${lack} a layer.`];
     return [what, rest, ...(missing && frames.length ? [`${missing}.`] : []), ...incomplete, where, ...others];

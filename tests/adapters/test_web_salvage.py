@@ -7,8 +7,10 @@ import pytest
 
 pytest.importorskip("playwright", reason="Playwright is one of the extra adapters")
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.adapters import web
 from gsvc_conformance.adapters.web import browser
+from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_conformance.vector import VECTORS
 from gsvc_ref import GsvcError, parameter_checksum
 from gsvc_ref import open as open_stream
@@ -40,6 +42,7 @@ READ = """
   const forwards = [...whole.frames.keys()];
   return {
     numbers: whole.frames.map(({ number }) => number),
+    lacking: whole.frames.map(({ lacking }) => lacking),
     forwards: checksums(whole, forwards),
     backwards: checksums(whole, forwards.toReversed()),
     pieces: checksums(pieces, forwards),
@@ -69,9 +72,9 @@ def damaged(data: bytes, rng: random.Random) -> bytes:
     return bytes(changed)
 
 
-def salvaged(data: bytes) -> tuple[list[int], list[int], int | None]:
-    """Numbers and checksums of the frames that the reference finds, and how many it misses, if that is known."""
-    numbers, checksums, missing = [], [], [0]
+def salvaged(data: bytes) -> tuple[list[int], list[int], list[list[int]], int | None]:
+    """Numbers, checksums and lost layers of the frames that the reference finds, and how many it misses, if known."""
+    numbers, checksums, lacking, missing = [], [], [], [0]
     try:
         with open_stream(data) as stream:
             for part in stream.salvage():
@@ -80,9 +83,10 @@ def salvaged(data: bytes) -> tuple[list[int], list[int], int | None]:
                 else:
                     numbers.append(part.number)
                     checksums.append(int(parameter_checksum(part.splats)))
+                    lacking.append(list(part.lacking))
     except GsvcError:  # there is no header
-        return [], [], 0
-    return numbers, checksums, None if None in missing else sum(missing)
+        return [], [], [], 0
+    return numbers, checksums, lacking, None if None in missing else sum(missing)
 
 
 @pytest.fixture(scope="module")
@@ -98,17 +102,20 @@ def test_what_is_left_is_that_of_the_reference(page):
     rng = random.Random(1)
     sound = [path.read_bytes() for folder in FOLDERS for path in sorted(VECTORS.glob(f"*/{folder}/*/*.gsvc"))]
     sound = [data for data in sound if 300 < len(data) < LONGEST]
+    sound += len(sound) // 2 * [with_layers(Draws(29), BASE, LAYERS, parameter_checksum_flag=True)]
     streams = [damaged(rng.choice(sound), rng) for _ in range(40)]
     found = browser.wait(page.evaluate(READ, [base64.b64encode(data).decode() for data in streams]))
     for data, answer in zip(streams, found, strict=True):
-        numbers, checksums, missing = salvaged(data)
+        numbers, checksums, lacking, missing = salvaged(data)
         assert answer["numbers"] == numbers
+        assert answer["lacking"] == lacking
         assert answer["forwards"] == answer["backwards"] == answer["pieces"] == checksums
         assert answer["same"]
         assert answer["unknown"] == (missing is None)
         assert missing is None or answer["missing"] == missing
     assert sum(answer["faults"] > 0 for answer in found) > 20
     assert sum(answer["missing"] > 0 for answer in found) > 5
+    assert sum(any(answer["lacking"]) for answer in found) > 2
 
 
 def test_hostile_numbers_cost_nothing(page):
@@ -121,4 +128,4 @@ def test_hostile_numbers_cost_nothing(page):
     data = join_chunks([header, first, late, end], prefix=stream[:10])
     (answer,) = browser.wait(page.evaluate(READ, [base64.b64encode(data).decode()]))
     assert (answer["numbers"], answer["missing"]) == ([0, 2**32 - 2], 2**32 - 3)
-    assert salvaged(data)[::2] == ([0, 2**32 - 2], 2**32 - 3)
+    assert salvaged(data)[::3] == ([0, 2**32 - 2], 2**32 - 3)
