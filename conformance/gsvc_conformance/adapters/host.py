@@ -74,21 +74,25 @@ class MainBody:
     ----------
     width, height
         Of the frame.
-    quantizer, motion_cell
-        As they are written.
+    quantizer
+        The one that holds in the frame.
+    motion_cell
+        As it is written.
     new_mark
         What the new splats have for p of section 15.11: 0 in an I-frame, 2 in a P-frame.
     count
-        `splat_count` or `new_splat_count`.
+        The number of new splats.
     planes
         `density_family`, `scale_code`, `centre` and `slope` of each plane, the last two without what was added to them;
         none where no densities were written so far.
     alphas
         α of each halving.
     lane_states
-        u4 (lanes,).
-    words
-        u2 (n,).
+        At the start.
+    words_of_groups
+        The number of the first word of each group, and of the one behind the last word that there may be.
+    data
+        The bytes behind the last `word_count`: words from the start, raw bits from the end.
     """
 
     width: int
@@ -99,8 +103,9 @@ class MainBody:
     count: int
     planes: Sequence[tuple[int, int, int, int]]
     alphas: Sequence[int]
-    lane_states: Any
-    words: Any
+    lane_states: Sequence[int]
+    words_of_groups: Sequence[int]
+    data: bytes
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,11 @@ class MainFrame:
     lane_states
         At the end.
     taken
-        How many words were needed.
+        The number of the word behind the last one that each group needed.
+    early_bits, late_bits
+        How many raw bits there are of both kinds.
+    symbols
+        c(s), f(s), pass and lane of each symbol, (S, 4), in the order of decoding.
     """
 
     state: Any
@@ -124,7 +133,10 @@ class MainFrame:
     modes: Any
     differences: Any
     lane_states: Sequence[int]
-    taken: int
+    taken: Sequence[int]
+    early_bits: int
+    late_bits: int
+    symbols: Any
 
 
 class MainBackEnd(Protocol):
@@ -134,10 +146,13 @@ class MainBackEnd(Protocol):
         """The state before an I-frame; its `len` is the number of splats, and `numpy.asarray` gives them as i8."""
 
     def decode(self, state: Any, body: MainBody) -> MainFrame:
-        """A frame; where words are missing they may be any numbers."""
+        """A frame; where words or raw bits are missing they may be any numbers."""
 
     def parameters(self, state: Any) -> Any:
-        """The parameters f4 (N, 8) of a state."""
+        """The parameters f4 (N, 8) of a state, or of splats i8 (N, 8)."""
+
+    def work(self, state: Any, width: int, height: int, halvings: int) -> int:
+        """The rendering work of a state, or of splats i8 (N, 8): (5-2)."""
 
 
 MAIN_OPERATIONS: Final = (*STREAM_OPERATIONS, "read_main_stream", "reconstruct_layers")
@@ -164,47 +179,34 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
         def forget(self) -> None:
             self.splats = back_end.no_splats()
             self.densities: dict[str, Any] | None = None
+            self.quantizer: int | None = None
 
     def copied(main: MainState) -> MainState:
         other = MainState()
-        other.splats, other.densities = main.splats, main.densities
+        other.splats, other.densities, other.quantizer = main.splats, main.densities, main.quantizer
         return other
 
     def read_main_body(p: Any, frame_type: str, main: MainState, header: Any, limits: Any) -> dict[str, Any]:
-        body: dict[str, Any] = names["read_tools"](p, frame_type, main, header)
-        count = body["count"] = p.uv()
-        if count + len(main.splats) > limits["splats"]:
-            raise names["Fault"]("R-5-2", p.element)
-        names["check_densities"](body, frame_type, main)
+        body: dict[str, Any] = names["read_body_head"](p, frame_type, main, header, limits)
         size = header["width"], header["height"]
         if body["densities_present"]:
             main.densities = names["read_densities"](p, names["halving_count"](*size))
         body.update(field=np.zeros((0, 0, 2), np.int64), modes=np.zeros(0, np.int64), q=np.zeros((0, 8), np.int64))
-        if count + len(main.splats) == 0:
+        body["symbols"] = []
+        if body["count"] + len(main.splats) == 0:
             return body
-        state_bit, lane_states = _lane_states(p, 2 ** body["lane_exponent"])
-        word_bit = p.position()
-        words = np.frombuffer(p.raw(p.bits_left() // 16 * 2), "<u2")
+        run = names["Run"](p, body["lane_exponent"])
         planes, alphas = _told(main.densities)
         mark = 0 if frame_type == "I" else 2
-        tools = body["quantizer"], body["motion_cell"], mark
-        frame = back_end.decode(main.splats, MainBody(*size, *tools, count, planes, alphas, lane_states, words))
-        if frame.taken > len(words):
-            raise names["Fault"]("R-7-1", word_bit)
-        names["check_all_taken"](frame.lane_states, state_bit, len(words), frame.taken, word_bit)
+        head = body["quantizer"], body["motion_cell"], mark, body["count"]
+        frame = back_end.decode(main.splats, MainBody(*size, *head, planes, alphas, run.states, run.ends, run.data))
+        if any(taken > end for taken, end in zip(frame.taken, run.ends[1:], strict=True)):
+            raise names["Fault"]("R-7-1", run.word_bit)
+        run.states, run.taken, run.at = frame.lane_states, frame.taken, frame.early_bits
+        run.begin_late(frame.late_bits)
         main.splats = frame.state
-        body.update(field=frame.vectors, modes=frame.modes, q=frame.differences)
+        body.update(field=frame.vectors, modes=frame.modes, q=frame.differences, symbols=frame.symbols)
         return body
-
-    def _lane_states(p: Any, lanes: int) -> tuple[int, Any]:
-        state_bit = p.position()
-        p.need(32 * lanes)
-        states = []
-        for _ in range(lanes):
-            states.append(p.le(4))
-            if states[-1] < names["LOWEST_STATE"]:
-                raise names["Fault"]("R-6.6-5", p.element)
-        return state_bit, np.array(states, np.uint32)
 
     def _told(densities: dict[str, Any] | None) -> tuple[list[tuple[int, int, int, int]], list[int]]:
         if densities is None:
@@ -215,5 +217,8 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
     def state_parameters(state: Any) -> dict[str, Any]:
         return {"parameters": back_end.parameters(state)}
 
-    own = (MainState, copied, read_main_body, state_parameters)
+    def main_work(state: Any, width: int, height: int, halvings: int) -> dict[str, Any]:
+        return {"work": np.array(back_end.work(state, width, height, halvings), np.int64)}
+
+    own = (MainState, copied, read_main_body, state_parameters, main_work)
     return {function.__name__: function for function in own}

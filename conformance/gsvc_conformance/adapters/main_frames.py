@@ -1,35 +1,36 @@
 """Frames of profile `main` on the device: the passes of spec.md 15.1, one dispatch or a few each.
 
-The host hands over the elements of a body, the lane states and the words. Everything else stays on the device: states,
-models and what the passes decode. All dispatches of a frame are recorded and submitted together, since none needs a
-number that only the device knows: where a pass has the items of a list, the list says how many they are, and the host
-asks for as many invocations as there can be. After the frame the host reads the final lane states, how many words were
+The host hands over the elements of a body and the run. Everything else stays on the device: states, models and what the
+passes decode. All dispatches of a frame are recorded and submitted together, since none needs a number that only the
+device knows: where a pass has the items of a list, the list says how many they are, and the host asks for as many
+invocations as there can be. After the frame the host reads the final lane states, how many words and raw bits were
 taken, and how many splats stayed.
 
-A pass of the entropy coder is one workgroup of main_passes.wgsl, each lane an invocation. Its items depend on no other
-one of the pass, so what is around a pass is done for all items at once:
+A pass has symbols of several kinds, each a dispatch of main_passes.wgsl: a group of 32 lanes is a workgroup. Its items
+depend on no other one of the pass, so what is around it is done for all items at once, as are raw values: `offsets` of
+main_raw.wgsl finds where they begin, and `take` reads them.
 
-    choose      (main_lists)        the items of a pass: those that have raw bits, a sign, the bit of a group, ...
-    read_...    (main_passes)       the pass: all lanes at once
-    the rest    (main_splats, ...)  what the next pass needs: contexts, classes, sizes, densities
+    choose      (main_lists)        the items of a list: those with the bit of a group, the parts that have splats, ...
+    read_...    (main_passes)       symbols of a pass: all lanes at once
+    offsets, take (main_raw)        raw values
+    the rest    (main_splats, ...)  what the next pass needs: contexts, classes, densities
 
     P-frame     model_frequencies of all models
-                [field]     x: read_modeled, low bits -> field_contexts -> y: the same -> signs of x, of y
-                            -> signed_codes -> field_vectors -> motion_of_splats
-                modes       mode_contexts -> read_modeled
-                groups      position, shape, color: choose by the bit -> component by component: read_modeled, low bits
-                            -> magnitudes (and the contexts of the next one); then the signs of each component
-                states      differences -> choose who stays -> stay;  adapt_model of all models
+      pass 1, 2   field, x, y: read_modeled, low bits, signs; field_contexts -> signed_codes -> field_vectors
+                  -> motion_of_splats
+      3           mode_contexts -> read_modeled; choose by the bits
+      4, 5, 6     first, second, third components: read_modeled -> difference_contexts
+      late        low bits, signs -> differences -> choose who stays -> stay;  adapt_model of all models
     new splats  plane_densities
-                halves      halving by halving: ask -> choose -> read_densities, low bits -> halve -> choose
-                            -> starts -> locate
-                colours     luma, chroma, chroma: read_densities, low bits (two passes), signs -> signed_codes
-                            -> code_classes
-                shapes      size, aspect, shear: read_densities, low bits -> window_codes
-                places      place_bits -> raw bits of x, then of y;  new_splats
+      each halving  ask -> choose -> read_densities, low bits -> halve -> choose (-> starts -> locate)
+      then        luma; both chroma: read_densities, low bits -> signed_codes without signs -> code_classes
+                  size, aspect, shear: read_densities, low bits -> window_codes -> place_bits
+      late        signs, low bits of shear, places -> new_splats
+
+Both columns are generators, and each yield ends a pass of theirs, as in the code of section 15.
 """
 
-from collections.abc import Mapping
+from collections.abc import Generator, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -39,7 +40,14 @@ from gsvc_conformance.adapters.host import MainBody, MainFrame
 from gsvc_conformance.adapters.main_operations import SIDES, Array, MainOperations, Recording, groups
 from gsvc_conformance.adapters.main_tables import ALPHAS, step_of
 
-MAX_LANES: Final = 64
+MAX_LANES: Final = 4096
+GROUP: Final = 32
+"""Lanes of a group, which has words of its own."""
+TAKEN: Final = MAX_LANES
+ENDS: Final = TAKEN + MAX_LANES // GROUP
+SLOTS: Final = ENDS + MAX_LANES // GROUP
+SYMBOLS: Final = SLOTS + 256
+"""Where a run has what, in words of 32 bits: see main_passes.wgsl. A frame has some 70 slots at most."""
 ROUNDS_AT_ONCE: Final = 1 << 12
 """A dispatch decodes so many symbols of each lane, each with a search of 10 rounds at most: Mesa's software rasteriser
 leaves the loops of an invocation after 65,535 rounds of all of them together."""
@@ -54,7 +62,6 @@ CHROMA: Final = 1
 SHAPES: Final = 3
 """The numbers of the first planes of colour and of shape."""
 FIRST, BY_CHOICE, BY_ITEM = range(3)
-UPPER, LOWER, SIGNS = range(3)
 ALL_BITS: Final = 0xFFFFFFFF
 
 _RAMP: Final = (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2)
@@ -150,14 +157,33 @@ class MainDecoder(MainOperations):
         buffer = state.splats if isinstance(state, DeviceState) else self.integers(state)
         return self.parameters_of(buffer, len(state))
 
+    def work(self, state: DeviceState | Array, width: int, height: int, halvings: int) -> int:
+        """The rendering work of states: (5-2)."""
+        buffer = state.splats if isinstance(state, DeviceState) else self.integers(state)
+        return self.work_of(buffer, len(state), width, height, halvings)
+
     def decode(self, state: DeviceState, body: MainBody) -> MainFrame:
         """A frame, from the state before it."""
         decoding = _Decoding(self, state, body)
+        parts = []
         if state.count:
-            decoding.predict()
+            parts.append(decoding.predict())
         if body.count:
-            decoding.add_splats()
+            parts.append(decoding.add_splats())
+        decoding.passes(parts)
         return decoding.finish()
+
+
+@dataclass(frozen=True)
+class _Raw:
+    """Raw values of items: a buffer of sizes, or of numbers that have a sign where they are not 0; and what they are."""
+
+    numbers: Any
+    count: int
+    signs: bool
+    values: Any
+    offset: int = 0
+    stride: int = 1
 
 
 class _Decoding:
@@ -168,35 +194,75 @@ class _Decoding:
         self.recording = on.accelerator.recording()
         self.lanes = len(body.lane_states)
         self.step = step_of(body.quantizer)
-        self.run = self.on.accelerator.upload(
-            np.concatenate([body.lane_states, np.zeros(MAX_LANES + 1 - self.lanes, np.uint32)])
-        )
-        self.words = self.on.accelerator.upload(np.ascontiguousarray(body.words, np.uint16))
+        self.side = SIDES[body.motion_cell]
+        self.columns = -(-body.width // self.side) if self.side else 0
+        self.rows = -(-body.height // self.side) if self.side else 0
+        self.run, self.words, self.text = self.on.accelerator.upload(self.run_at_the_start()), *self.payload()
+        self.lengths = self.on.accelerator.storage(8)
+        self.pass_number = self.slot = self.first_slot = 0
         self.splats = self.on.accelerator.storage(32 * (state.count + body.count))
         self.past = self.on.accelerator.storage(4 * (state.count + body.count))
         self.stays = self.on.accelerator.storage(4 * (state.count + 1))
         self.counts: Mapping[str, Any] = state.counts
-        self.side = SIDES[body.motion_cell]
-        self.columns = -(-body.width // self.side) if self.side else 0
-        self.rows = -(-body.height // self.side) if self.side else 0
         self.vectors = self.on.accelerator.storage(8 * self.rows * self.columns)
         self.modes = self.on.accelerator.storage(4 * state.count)
         self.differences = self.on.accelerator.storage(32 * state.count)
         self.unused = self.on.accelerator.storage(4)
 
+    def run_at_the_start(self) -> Array:
+        """The lane states, the words of each group, and room for as many symbols as there can be."""
+        halves = sum(min(2**halving, self.body.count) for halving in range(len(self.body.alphas)))
+        most = 2 * self.rows * self.columns + 9 * self.state.count + halves + 6 * self.body.count
+        run = np.zeros(SYMBOLS + 2 * most, np.uint32)
+        run[: self.lanes] = self.body.lane_states
+        groups_there = len(self.body.words_of_groups) - 1
+        run[TAKEN : TAKEN + groups_there] = self.body.words_of_groups[:-1]
+        run[ENDS : ENDS + groups_there] = self.body.words_of_groups[1:]
+        return run
+
+    def payload(self) -> tuple[Any, Any]:
+        """The buffers of the words, and of the raw bits with the length of their text in 32 bits."""
+        data = self.body.data
+        text = np.frombuffer(data[::-1] + bytes(-len(data) % 4), "<u4")
+        words = np.frombuffer(data[: len(data) // 2 * 2] + bytes(2), "<u2")  # a buffer has at least 32 bits
+        return self.on.accelerator.upload(words), self.on.accelerator.upload(np.array([len(text), *text], np.uint32))
+
+    def passes(self, parts: Iterable[Generator[list[_Raw] | None, None, None]]) -> None:
+        """Record the passes of both parts side by side, then their late values, and what follows from these."""
+        left, late = list(parts), []
+        while left:
+            self.pass_number += 1
+            self.first_slot = self.slot
+            told = [next(part) for part in left]
+            late += [(part, values) for part, values in zip(left, told, strict=True) if values is not None]
+            left = [part for part, values in zip(left, told, strict=True) if values is None]
+        late.sort(key=lambda found: parts.index(found[0]))
+        everything = [(values, self.offsets(values, late=True)) for _, part in late for values in part]
+        for values, places in everything:
+            self.take(values, places, late=True)
+        for part, _ in late:
+            next(part, None)
+
     def finish(self) -> MainFrame:
         """Hand the frame to the device, and read what the host has to know."""
         self.recording.submit()
-        run = self.on.accelerator.download(self.run, np.uint32, MAX_LANES + 1)
+        download = self.on.accelerator.download
+        run = download(self.run, np.uint32, SYMBOLS)
         before = self.state.count
-        count = int(self.on.accelerator.download(self.stays, np.uint32, 1)[0]) + self.body.count
+        count = int(download(self.stays, np.uint32, 1)[0]) + self.body.count
+        symbols = int(run[SLOTS + self.slot])
+        early, late = download(self.lengths, np.uint32, 2)
+        noted = download(self.run, np.uint32, SYMBOLS + 2 * symbols)[SYMBOLS:]
         return MainFrame(
             DeviceState(self.on, count, self.splats, self.past, self.counts),
             self.on.signed(self.vectors, self.rows, self.columns, 2),
             self.on.signed(self.modes, before),
             self.on.signed(self.differences, before, 8),
             [int(x) for x in run[: self.lanes]],
-            int(run[MAX_LANES]),
+            [int(k) for k in run[TAKEN : TAKEN + len(self.body.words_of_groups) - 1]],
+            int(early),
+            int(late),
+            np.stack([noted & 0xFFFF, noted >> 16], axis=1).reshape(-1, 4),
         )
 
     # ---- What is around the passes
@@ -219,8 +285,7 @@ class _Decoding:
             "mark": self.body.new_mark,
         }
         values = [*(fields | numbers).values()]
-        threads = 8 * count if entry_point == "differences" else count
-        self.recording.dispatch("main_splats", entry_point, groups(threads, 256), buffers, values)
+        self.recording.dispatch("main_splats", entry_point, groups(count, 256), buffers, values)
 
     def chosen(
         self,
@@ -242,8 +307,8 @@ class _Decoding:
 
     # ---- Passes
 
-    def decode_pass(self, entry_point: str, most: int, buffers: dict[int, Any], items: Any, **numbers: int) -> None:
-        """A pass of main_passes.wgsl over all items from 0 to most - 1, or over those of a list."""
+    def decode_symbols(self, entry_point: str, most: int, buffers: dict[int, Any], items: Any, **numbers: int) -> None:
+        """Symbols of a pass: of all items from 0 to most - 1, or of those of a list."""
         fields = {
             "listed": int(items is not None),
             "count": most,
@@ -251,38 +316,45 @@ class _Decoding:
             "first_choice": 0,
             "symbols": 0,
             "magnitudes": 0,
-            "kind": 0,
-            "offset": 0,
-            "stride": 1,
         }
-        values = [*(fields | numbers).values()]
+        values = [self.slot, self.first_slot, self.pass_number, *(fields | numbers).values()]
         bound = {2: self.run, 3: self.words, 4: self.unused if items is None else items, **buffers}
-        rounds = -(-most // self.lanes)
+        rounds = -(-most // self.lanes) + 1  # the first one may be begun
         for first in range(0, rounds, ROUNDS_AT_ONCE):
-            pieces = [self.lanes, len(self.body.words), first, min(rounds - first, ROUNDS_AT_ONCE), *values]
-            self.recording.dispatch("main_passes", entry_point, 1, bound, pieces)
+            pieces = [self.lanes, first, min(rounds - first, ROUNDS_AT_ONCE), *values]
+            self.recording.dispatch("main_passes", entry_point, -(-self.lanes // GROUP), bound, pieces)
+        self.slot += 1
 
-    def read_bits(
-        self, bits: Any, count: int, values: Any, kind: int, items: Any, offset: int = 0, stride: int = 1
-    ) -> None:
-        """Raw bits of the items of a list; of one sign each, `bits` is not looked at."""
-        numbers = {"kind": kind, "offset": offset, "stride": stride}
-        self.decode_pass("read_bits", count, {6: bits, 7: values}, items, **numbers)
+    def offsets(self, values: _Raw, *, late: bool) -> Any:
+        """Where raw values begin in the early string or the late one, which they lengthen."""
+        places = self.on.accelerator.storage(4 * values.count)
+        numbers = [values.count, int(values.signs), int(late)]
+        buffers = {1: values.numbers, 2: places, 3: self.lengths}
+        self.recording.dispatch("main_raw", "offsets", int(values.count > 0), buffers, numbers)
+        return places
 
-    def low_bits(self, bits: Any, count: int, *, large: bool = False) -> Any:
-        """The low bits of items that have so many; `large`: some may have more than 14."""
-        low = self.on.accelerator.storage(4 * count)
-        if large:
-            self.read_bits(bits, count, low, UPPER, self.chosen(bits, count, threshold=14))
-        self.read_bits(bits, count, low, LOWER, self.chosen(bits, count))
-        return low
+    def take(self, values: _Raw, places: Any, *, late: bool) -> None:
+        """The raw values at their places."""
+        numbers = [values.count, int(values.signs), int(late), self.lanes, values.offset, values.stride]
+        buffers = {1: values.numbers, 2: places, 3: self.lengths, 4: self.text, 5: self.run, 6: values.values}
+        self.recording.dispatch("main_raw", "take", groups(values.count, 256), buffers, numbers)
+
+    def early(self, numbers: Any, count: int, *, signs: bool = False) -> Any:
+        """Raw values of items that are taken behind their pass."""
+        values = self.later(numbers, count, signs=signs)
+        self.take(values, self.offsets(values, late=False), late=False)
+        return values.values
+
+    def later(self, numbers: Any, count: int, *, signs: bool = False) -> _Raw:
+        """Raw values of items that are taken behind the last pass."""
+        return _Raw(numbers, count, signs, self.on.accelerator.storage(4 * count))
 
     def read_modeled(self, model: "_Model", contexts: Any, count: int, items: Any = None) -> tuple[Any, Any]:
         """The symbols of items by a model, and how many low bits follow each, if they are classes of magnitudes."""
         found, bits = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
         buffers = {5: contexts, 6: model.cumulative, 7: found, 8: model.seen, 9: bits}
         numbers = {"chosen_by": BY_CHOICE, "symbols": model.symbols, "magnitudes": int(model.name != "mode")}
-        self.decode_pass("read_modeled", count, buffers, items, **numbers)
+        self.decode_symbols("read_modeled", count, buffers, items, **numbers)
         return found, bits
 
     def read_densities(
@@ -300,123 +372,137 @@ class _Decoding:
         found, bits = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
         buffers = {1: self.on.tables, 5: choices or self.unused, 6: densities, 7: found, 9: bits}
         numbers = {"chosen_by": chosen_by, "first_choice": DENSITIES_OF_PLANE * plane, "magnitudes": int(magnitudes)}
-        self.decode_pass("read_densities", count, buffers, items, **numbers)
+        self.decode_symbols("read_densities", count, buffers, items, **numbers)
         return found, bits
-
-    def signs(self, numbers: Any, count: int, into: Any = None, offset: int = 0, stride: int = 1) -> Any:
-        """The signs of items whose number is not 0."""
-        found = into or self.on.accelerator.storage(4 * count)
-        items = self.chosen(numbers, count, offset=offset, stride=stride)
-        self.read_bits(self.unused, count, found, SIGNS, items, offset, stride)
-        return found
 
     # ---- Splats of the frame before
 
-    def predict(self) -> None:
+    def predict(self) -> Generator[list[_Raw] | None, None, None]:
         """The field, modes and differences, and the splats that stay."""
         count = self.state.count
         models = {name: _Model(self.on, name, counts, self.recording) for name, counts in self.state.counts.items()}
         motion = self.on.accelerator.storage(8 * count)
         if self.side:
-            self.read_field(models["vector"])
+            yield from self.read_field(models["vector"])
             self.on_splats("motion_of_splats", count, {2: self.state.splats, 3: self.vectors, 6: motion})
+        else:
+            yield None
+            yield None
         contexts = self.on.accelerator.storage(4 * count)
         buffers = {2: self.state.splats, 3: self.state.past, 4: motion, 5: self.vectors, 6: contexts}
         self.on_splats("mode_contexts", count, buffers)
         self.modes, _ = self.read_modeled(models["mode"], contexts, count)
-        self.read_differences(models)
+        yield None
+        yield from self.read_differences(models)
         self.chosen(self.modes, count, flipped=8, mask=8, into=self.stays)
         buffers = {1: self.on.tables, 2: self.state.splats, 3: motion, 4: self.differences, 5: self.stays}
         buffers |= {6: self.splats, 7: self.modes, 8: self.past}
         self.on_splats("stay", count, buffers)
         self.counts = {name: model.adapted(self.recording) for name, model in models.items()}
 
-    def read_field(self, model: "_Model") -> None:
+    def read_field(self, model: "_Model") -> Generator[None, None, None]:
         """The vectors of the field."""
         cells = self.rows * self.columns
         contexts, codes = self.on.accelerator.storage(4 * cells), self.on.accelerator.storage(8 * cells)
-        classes, low = [], []
         for axis in range(2):
             found, bits = self.read_modeled(model, contexts, cells)
-            classes.append(found)
-            low.append(self.low_bits(bits, cells))
-            if axis == 0:
-                contexts = self.on.accelerator.storage(4 * cells)
-                self.on_splats("field_contexts", cells, {2: found, 6: contexts})
-        signs = [self.signs(found, cells) for found in classes]
-        for axis in range(2):
-            buffers = {2: classes[axis], 3: low[axis], 4: signs[axis], 6: codes}
+            low, signs = self.early(bits, cells), self.early(found, cells, signs=True)
+            buffers = {2: found, 3: low, 4: signs, 6: codes}
             self.on_splats("signed_codes", cells, buffers, component=axis, components=2)
+            contexts = self.on.accelerator.storage(4 * cells)
+            self.on_splats("field_contexts", cells, {2: found, 6: contexts})
+            yield
         self.on_splats("field_vectors", self.rows, {2: codes, 6: self.vectors})
 
-    def read_differences(self, models: Mapping[str, "_Model"]) -> None:
-        """The differences of all groups."""
+    def read_differences(self, models: Mapping[str, "_Model"]) -> Generator[list[_Raw] | None, None, None]:
+        """The differences of all groups: three passes, and late values."""
         count = self.state.count
-        magnitudes, signs = self.on.accelerator.storage(32 * count), self.on.accelerator.storage(32 * count)
-        for bit, (group, first, end) in enumerate(GROUPS):
-            items = self.chosen(self.modes, count, mask=1 << bit)
-            before, contexts = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(4 * count)
-            for component in range(first, end):
-                classes, bits = self.read_modeled(models[group], contexts, count, items)
-                low = self.low_bits(bits, count)
-                buffers = {2: classes, 3: low, 4: self.modes, 6: magnitudes, 7: before, 8: contexts}
-                self.on_splats(
-                    "magnitudes",
-                    count,
-                    buffers,
-                    first=3 * (component - first) + 1,
-                    component=component,
-                    components=8,
-                    last=int(component == end - 1),
-                    bit=1 << bit,
-                )
-            for component in range(first, end):
-                self.signs(magnitudes, count, signs, component, 8)
-        self.on_splats("differences", count, {2: magnitudes, 4: signs, 6: self.differences})
+        items = [self.chosen(self.modes, count, mask=1 << bit) for bit in range(len(GROUPS))]
+        before, contexts = (
+            [self.on.accelerator.storage(4 * count) for _ in GROUPS],
+            [self.on.accelerator.storage(4 * count) for _ in GROUPS],
+        )
+        found: dict[int, tuple[Any, _Raw, _Raw]] = {}  # by component: classes, low bits and signs
+        for i in range(3):
+            for bit, (group, first, end) in enumerate(GROUPS):
+                if first + i >= end:
+                    continue
+                classes, bits = self.read_modeled(models[group], contexts[bit], count, items[bit])
+                present = self.on.accelerator.storage(4 * count)
+                buffers = {2: classes, 4: self.modes, 6: present, 7: before[bit], 8: contexts[bit]}
+                last = int(first + i == end - 1)
+                self.on_splats("difference_contexts", count, buffers, first=3 * i + 1, last=last, bit=1 << bit)
+                found[first + i] = classes, self.later(bits, count), self.later(present, count, signs=True)
+            yield None
+        yield [values for component in sorted(found) for values in found[component][1:]]
+        for component, (classes, low, signs) in found.items():
+            buffers = {2: classes, 3: low.values, 4: signs.values, 5: signs.numbers, 6: self.differences}
+            self.on_splats("differences", count, buffers, component=component)
 
     # ---- New splats
 
-    def add_splats(self) -> None:
+    def add_splats(self) -> Generator[list[_Raw] | None, None, None]:
         """The splats of an I-frame, or the new ones of a P-frame."""
         count = self.body.count
         densities = self.on.accelerator.storage(DENSITY * DENSITIES_OF_PLANE * 6)
         told = [number for plane in self.body.planes for number in plane]
         buffers = {1: self.on.tables, 4: densities}
         self.recording.dispatch("main_frequencies", "plane_densities", 1, buffers, told)
-        cells = self.read_cells()
-        colors, shapes, places = (
+        cells = yield from self.read_cells()
+        magnitudes, colors, shapes, places = (
+            self.on.accelerator.storage(12 * count),
             self.on.accelerator.storage(12 * count),
             self.on.accelerator.storage(12 * count),
             self.on.accelerator.storage(8 * count),
         )
-        luma = None
-        for plane in range(SHAPES):
-            chosen_by = BY_CHOICE if plane >= CHROMA else FIRST
-            classes, bits = self.read_densities(
-                densities, count, choices=luma, chosen_by=chosen_by, plane=plane, magnitudes=True
+        luma, bits = self.read_densities(densities, count, magnitudes=True)
+        classes, low = [luma], [self.early(bits, count)]
+        yield None
+        chroma = [
+            self.read_densities(
+                densities, count, choices=luma, chosen_by=BY_CHOICE, plane=plane, magnitudes=True
             )
-            luma = luma or classes
-            low = self.low_bits(bits, count, large=True)
-            signs = self.signs(classes, count)
-            buffers = {2: classes, 3: low, 4: signs, 6: colors}
+            for plane in range(CHROMA, SHAPES)
+        ]
+        classes += [found for found, _ in chroma]
+        low += [self.early(bits, count) for _, bits in chroma]
+        no_signs = self.on.accelerator.storage(4 * count)
+        for plane in range(SHAPES):
+            buffers = {2: classes[plane], 3: low[plane], 4: no_signs, 6: magnitudes}
             self.on_splats("signed_codes", count, buffers, component=plane, components=3)
+        yield None
         j = self.on.accelerator.storage(4 * count)
-        self.on_splats("code_classes", count, {3: colors, 6: j})
-        for component in range(3):
-            plane = SHAPES + component
-            bins, bits = self.read_densities(densities, count, choices=j, chosen_by=BY_CHOICE, plane=plane)
-            buffers = {2: bins, 3: self.low_bits(bits, count), 4: j, 5: densities, 6: shapes}
-            first = DENSITIES_OF_PLANE * plane
-            self.on_splats("window_codes", count, buffers, first=first, component=component, components=3)
+        self.on_splats("code_classes", count, {3: magnitudes, 6: j})
+        windows = [
+            self.read_densities(densities, count, choices=j, chosen_by=BY_CHOICE, plane=SHAPES + component)
+            for component in range(3)
+        ]
+        for component in range(2):
+            bins, bits = windows[component]
+            self.window_codes(component, bins, self.early(bits, count), j, densities, shapes)
+        yield None
+        of_places = []
         for axis in range(2):
             bits = self.on.accelerator.storage(4 * count)
             self.on_splats("place_bits", count, {2: j, 4: shapes, 6: bits}, component=axis)
-            self.read_bits(bits, count, places, LOWER, self.chosen(bits, count), axis, 2)
+            of_places.append(_Raw(bits, count, False, places, axis, 2))
+        signs, shear = [self.later(found, count, signs=True) for found in classes], self.later(windows[2][1], count)
+        yield [*signs, shear, *of_places]
+        for plane in range(SHAPES):
+            buffers = {2: classes[plane], 3: low[plane], 4: signs[plane].values, 6: colors}
+            self.on_splats("signed_codes", count, buffers, component=plane, components=3)
+        self.window_codes(2, windows[2][0], shear.values, j, densities, shapes)
         buffers = {2: cells, 3: colors, 4: shapes, 5: places, 6: self.splats, 7: self.stays, 8: self.past}
         self.on_splats("new_splats", count, buffers)
 
-    def read_cells(self) -> Any:
-        """The cell of each new splat, i4 (count, 2)."""
+    def window_codes(self, component: int, bins: Any, low: Any, j: Any, densities: Any, shapes: Any) -> None:
+        """The codes of size, aspect or shear."""
+        buffers = {2: bins, 3: low, 4: j, 5: densities, 6: shapes}
+        first = DENSITIES_OF_PLANE * (SHAPES + component)
+        self.on_splats("window_codes", self.body.count, buffers, first=first, component=component, components=3)
+
+    def read_cells(self) -> Generator[None, None, Any]:
+        """The cell of each new splat, i4 (count, 2); each halving is a pass."""
         count = self.body.count
         inside = -(-self.body.width // CELL), -(-self.body.height // CELL)
         size = 2 ** (len(self.body.alphas) // 2)
@@ -435,10 +521,11 @@ class _Decoding:
             self.recording.dispatch("main_cells", "ask", groups(most, 256), buffers, numbers)
             which = self.chosen(asked, most)
             bins, bits = self.read_densities(densities, most, chosen_by=BY_ITEM, items=which)
-            low = self.low_bits(bits, most)
+            low = self.early(bits, most)
             buffers = {2: parts, 3: items, 4: densities, 6: bins, 7: low, 8: halves}
             self.recording.dispatch("main_cells", "halve", groups(most, 256), buffers, numbers)
             parts, items = halves, self.chosen(halves, 2 * most, offset=2, stride=3)
+            yield
         firsts, cells = self.on.accelerator.storage(4 * count), self.on.accelerator.storage(8 * count)
         self.recording.dispatch("main_lists", "starts", 1, {1: parts, 2: items, 3: firsts}, [0, 2, 3])
         buffers = {2: parts, 3: items, 5: firsts, 6: cells}

@@ -11,13 +11,15 @@ from typing import Any, Final, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from gsvc_conformance.adapters.main_tables import ALPHAS, HALF_TABLE, MAX_TABLED, exp2_table, families, step_of
+from gsvc_conformance.adapters.main_tables import ALPHAS, exp2_table, families, halves, step_of
 
 Array = npt.NDArray[Any]
 Outputs = dict[str, Any]
 
 SIDES: Final = (0, 64, 32, 16)
 """Side of the cells of a motion field in pixels, by `motion_cell`."""
+WINDOW_MOST: Final = 520
+"""Numbers of the frequencies of a window, at most."""
 SYMBOLS_AT_ONCE: Final = 1 << 15
 """A dispatch encodes so many symbols: Mesa's software rasteriser leaves loops after 65,535 rounds."""
 
@@ -64,10 +66,7 @@ class MainOperations:
     @cached_property
     def tables(self) -> Any:
         """The buffer of EXP2, LOGISTIC and LAPLACE, (15-3), and of (15-8) for all n up to 15 and all α."""
-        room = [0] * (HALF_TABLE * MAX_TABLED * len(ALPHAS))
-        buffer = self.accelerator.upload(np.array([*exp2_table(), *families()[0], *families()[1], *room], np.uint32))
-        self.dispatch("main_frequencies", "half_tables", 255 * len(ALPHAS), {3: buffer}, [], 255)
-        return buffer
+        return self.accelerator.upload(np.array([*exp2_table(), *families()[0], *families()[1], *halves()], np.uint32))
 
     def integers(self, values: Array) -> Any:
         """A buffer of integers of 32 bits, signed ones as their two's complement."""
@@ -92,10 +91,23 @@ class MainOperations:
         recording.dispatch(module, kernel, groups(threads, size), buffers, numbers)
         recording.submit()
 
-    def encode_run(self, starts: Array, frequencies: Array, lanes: Array, lane_count: int) -> Outputs:
-        """The states u4 (lane_count,) and words u2 (n,) of a run: R-15.6-3."""
-        count = len(starts)
-        states, emitted = self.integers(np.full(lane_count, 2**16)), self.accelerator.storage(4 * count)
+    def encode_run(
+        self,
+        starts: Array,
+        frequencies: Array,
+        lanes: Array,
+        lane_count: int,
+        early: Array,
+        early_sizes: Array,
+        late: Array,
+        late_sizes: Array,
+    ) -> Outputs:
+        """The states u4 (lane_count,), words u2 (n,), how many each group has, and the raw bytes of a run: R-15.6-3."""
+        count, late_bits = len(starts), _bits(late, late_sizes)
+        carried = min(lane_count, len(late_bits) // 16)
+        at_the_end = np.full(lane_count, 2**16)
+        at_the_end[:carried] += late_bits[: 16 * carried].reshape(carried, 16) @ (1 << np.arange(16))
+        states, emitted = self.integers(at_the_end), self.accelerator.storage(4 * count)
         symbols = {
             1: self.integers(starts),
             2: self.integers(frequencies),
@@ -106,17 +118,17 @@ class MainOperations:
         recording = self.accelerator.recording()
         for done in range(0, count, SYMBOLS_AT_ONCE):
             numbers = [count, count - 1 - done, min(count - done, SYMBOLS_AT_ONCE), lane_count]
-            recording.dispatch("main_encode", "encode", 1, symbols, numbers)
-        found, words = self.accelerator.storage(4 * (count + 1)), self.accelerator.storage(4 * (count + 1))
-        condition = [count, 0, 1, 0, 0xFFFFFFFF, 0]
-        recording.dispatch("main_lists", "choose", 1, {1: emitted, 2: found}, condition)
-        buffers = {1: emitted, 2: found, 3: words}
-        recording.dispatch("main_lists", "words", groups(count, 512), buffers, [])
+            recording.dispatch("main_encode", "encode", groups(lane_count, 64), symbols, numbers)
         recording.submit()
-        given = int(self.accelerator.download(found, np.uint32, 1)[0])
+        words = self.accelerator.download(emitted, np.uint32, count)
+        there = np.flatnonzero(words)
+        groups_of_words = lanes[there] // 32
+        string = np.concatenate([_bits(early, early_sizes), late_bits[16 * carried :]])
         return {
             "lane_states": self.accelerator.download(states, np.uint32, lane_count),
-            "words": self.accelerator.download(words, np.uint16, given),
+            "word_counts": np.bincount(groups_of_words, minlength=max(1, lane_count // 32)),
+            "words": words[there[np.argsort(groups_of_words, kind="stable")]].astype(np.uint16),
+            "tail": np.packbits(string.astype(np.uint8), bitorder="little")[::-1],
         }
 
     def density_frequencies(
@@ -129,6 +141,15 @@ class MainOperations:
         buffers = {1: self.tables, 2: self.integers(edges), 3: result}
         self.dispatch("main_frequencies", "density_frequencies", bins + 1, buffers, numbers)
         return {"cumulative": self.signed(result, bins + 1)}
+
+    def window_frequencies(self, centre: int, step: int, density_family: int, scale_code: int) -> Outputs:
+        """C of the bins of a window, the first one, and how many low bits are raw: (15-6), (15-7)."""
+        result, density = self.accelerator.storage(4 * WINDOW_MOST), self.accelerator.storage(36)
+        numbers = [0, step, centre, density_family, scale_code]
+        buffers = {1: self.tables, 3: result, 4: density}
+        self.dispatch("main_frequencies", "window_frequencies", WINDOW_MOST, buffers, numbers)
+        *_, first, _, _, bins, low_bits = self.signed(density, 9)
+        return {"cumulative": self.signed(result, bins + 1), "first": first, "low_bits": low_bits}
 
     def half_frequencies(self, count: int, first_half: int, second_half: int, alpha: int) -> Outputs:
         """C of how many of `count` splats are in the first half, and how many low bits are raw: (15-8), (15-9)."""
@@ -201,6 +222,17 @@ class MainOperations:
         buffers = {1: self.tables, 2: self.integers(state), 3: self.integers(motion), 4: self.integers(differences)}
         return {"state": self._on_splats("main_inter", len(state), 8, buffers, [step_of(quantizer)])}
 
+    def work_of(self, state: Any, count: int, width: int, height: int, halvings: int) -> int:
+        """The rendering work of the states in a buffer: (5-2)."""
+        result = self.accelerator.storage(4 * count)
+        numbers = [count, width, height, halvings]
+        self.dispatch("main_parameters", "main_work", count, {1: self.tables, 2: state, 3: result}, numbers)
+        return int(np.sum(self.accelerator.download(result, np.uint32, count), dtype=np.int64))
+
+    def main_work(self, state: Array, width: int, height: int, halvings: int) -> Outputs:
+        """The rendering work of states, i8 (): (5-2)."""
+        return {"work": np.array(self.work_of(self.integers(state), len(state), width, height, halvings))}
+
     def parameters_of(self, state: Any, count: int) -> Array:
         """The parameters f4 (count, 8) of the states in a buffer: (15-5)."""
         result = self.accelerator.storage(32 * count)
@@ -210,3 +242,10 @@ class MainOperations:
     def state_parameters(self, state: Array) -> Outputs:
         """The parameters f4 (N, 8) of states: (15-5)."""
         return {"parameters": self.parameters_of(self.integers(state), len(state))}
+
+
+def _bits(values: Array, sizes: Array) -> Array:
+    """The bits of raw values, of each the least significant one first."""
+    owner = np.repeat(np.arange(len(sizes)), sizes)
+    within = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return values[owner] >> within & 1

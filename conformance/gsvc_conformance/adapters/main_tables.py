@@ -43,3 +43,18 @@ def families() -> tuple[tuple[int, ...], tuple[int, ...]]:
 def _distribution(lower: list[int]) -> tuple[int, ...]:
     """257 values from those at 1 to 128."""
     return (0, *lower, *(2**16 - value for value in lower[-2::-1]), 2**16)
+
+
+@cache
+def halves() -> tuple[int, ...]:
+    """C of (15-8) for each α and each n up to 15, 17 numbers each, of which those behind C[n + 1] are 0."""
+    return tuple(number for alpha in ALPHAS for n in range(1, MAX_TABLED + 1) for number in _half_table(n, alpha))
+
+
+def _half_table(n: int, alpha: int) -> list[int]:
+    w = [2**16]
+    for i in range(n // 2):
+        w.append(w[i] * (n - i) * (i + alpha) // ((i + 1) * (n - i - 1 + alpha)))
+    w = [w[min(i, n - i)] for i in range(n + 1)]
+    inner = [i + (2**14 - n - 1) * sum(w[:i]) // sum(w) for i in range(n + 1)]
+    return [*inner, 2**14, *[0] * (HALF_TABLE - n - 2)]

@@ -81,6 +81,7 @@ __all__ = [
     "lsq_quantize",
     "main_inter",
     "main_intra",
+    "main_work",
     "mode_contexts",
     "model_frequencies",
     "motion_of_splats",
@@ -107,6 +108,7 @@ __all__ = [
     "to_half",
     "weighted_gradients",
     "weighted_parameters",
+    "window_frequencies",
 ]
 
 adapt_model = MAIN.adapt_model
@@ -115,11 +117,13 @@ encode_run = MAIN.encode_run
 half_frequencies = MAIN.half_frequencies
 main_inter = MAIN.main_inter
 main_intra = MAIN.main_intra
+main_work = MAIN.main_work
 mode_contexts = MAIN.mode_contexts
 model_frequencies = MAIN.model_frequencies
 motion_of_splats = MAIN.motion_of_splats
 splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
+window_frequencies = MAIN.window_frequencies
 
 _back_end: dict[str, Callable[..., dict[str, Any]]] = {
     "reconstruct_intra": reconstruct_intra,

@@ -11,10 +11,12 @@ from gsvc_conformance.adapters.main_frames import MainDecoder
 from gsvc_conformance.adapters.opencl import device
 from gsvc_conformance.adapters.opencl.device import Array
 
-ONE_GROUP: Final = ("choose", "starts", "encode", "read_modeled", "read_densities", "read_bits")
+ONE_GROUP: Final = ("choose", "starts", "offsets")
 """Kernels that are one work-group of LANES."""
 LANES: Final = 64
 """MAIN_LANES of main_entropy.cl."""
+LANES_OF_GROUPS: Final = {"read_modeled": 32, "read_densities": 32, "encode": 64}
+"""Work-items of a work-group of these kernels."""
 ITEMS: Final = 256
 """Work-items of what main_frames.py counts as a workgroup of the other kernels."""
 NUMBERS: Final = np.dtype([("n", "i4", 24)])
@@ -33,9 +35,13 @@ class Recording:
             told = np.zeros((), NUMBERS)
             told["n"][: len(numbers)] = np.array([number & 0xFFFFFFFF for number in numbers], np.uint32).view(np.int32)
             arguments.append(told)
-        size = ((LANES,), (LANES,)) if kernel in ONE_GROUP else ((ITEMS * workgroups,), None)
+        size: tuple[tuple[int, ...], tuple[int, ...] | None] = ((ITEMS * workgroups,), None)
+        if kernel in ONE_GROUP:
+            size = (LANES,), (LANES,)
+        elif (lanes := LANES_OF_GROUPS.get(kernel)) is not None:
+            size = (lanes * workgroups,), (lanes,)
         if workgroups > 0:
-            device.kernel(f"main_{kernel}", True)(device.queue(), *size, *arguments)
+            device.kernel(f"main_{kernel}", False)(device.queue(), *size, *arguments)
 
     def submit(self) -> None:
         """Nothing waits to be handed over."""

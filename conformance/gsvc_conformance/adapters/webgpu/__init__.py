@@ -43,6 +43,7 @@ __all__ = [
     "lsq_dequantize",
     "main_inter",
     "main_intra",
+    "main_work",
     "mode_contexts",
     "model_frequencies",
     "motion_of_splats",
@@ -63,6 +64,7 @@ __all__ = [
     "to_frame",
     "to_frame_deterministic",
     "to_half",
+    "window_frequencies",
 ]
 
 Outputs = dict[str, Array]
@@ -172,11 +174,13 @@ encode_run = MAIN.encode_run
 half_frequencies = MAIN.half_frequencies
 main_inter = MAIN.main_inter
 main_intra = MAIN.main_intra
+main_work = MAIN.main_work
 mode_contexts = MAIN.mode_contexts
 model_frequencies = MAIN.model_frequencies
 motion_of_splats = MAIN.motion_of_splats
 splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
+window_frequencies = MAIN.window_frequencies
 
 _STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, MAIN)
 

@@ -1,5 +1,5 @@
-// The words of a run of profile `main` (spec.md, R-15.6-3): each lane an invocation of one workgroup, which goes through
-// the symbols backwards and takes those of its own. So no lane waits for another one; main_lists.wgsl finds the words.
+// The words of a run of profile `main` (spec.md, R-15.6-3): each lane an invocation, which goes through the symbols
+// backwards and takes those of its own. So no lane waits for another one; the host puts the words of groups together.
 //
 //     pass     bindings           what
 //     encode   0 1 2 3 4 5        (7-2)
@@ -19,7 +19,8 @@ struct Run {
 @group(0) @binding(5) var<storage, read_write> emitted: array<u32>;     // 2^16 and the word that a symbol emits, or 0
 
 @compute @workgroup_size(64)
-fn encode(@builtin(local_invocation_index) lane: u32) {
+fn encode(@builtin(global_invocation_id) id: vec3<u32>) {
+    let lane = id.x;
     if (lane >= run.lane_count) {
         return;
     }

@@ -3,7 +3,7 @@
 //     pass                  dispatch         bindings    what
 //     density_frequencies   bins / 256       0 1 2 3     (15-6) of any edges
 //     half_frequencies      bins / 256       0 1 3 4     (15-8), (15-9)
-//     half_tables           8                3           the tables of (15-8)
+//     window_frequencies    bins / 256       0 1 3 4     (15-7)
 //     plane_densities       1                0 1 4       the densities of a frame's planes
 //     model_frequencies     contexts / 256   0 2 3       (15-14)
 //     adapt_model           contexts / 256   0 2 3 5     (15-11)
@@ -12,7 +12,7 @@
 
 struct Numbers {
     count: u32,            // bins, splats or contexts
-    symbols: u32,          // of a context
+    symbols: u32,          // of a context; the step h of a window
     centre: i32,
     family: u32,
     scale_code: i32,
@@ -61,57 +61,15 @@ fn half_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// (15-8) for all n up to 15 and all α, once for a device: an invocation for each number of each table.
-@compute @workgroup_size(255)
-fn half_tables(@builtin(global_invocation_id) id: vec3<u32>) {
-    let halving_code = id.x / (15u * HALF_TABLE);
-    let n = (id.x / HALF_TABLE) % 15u + 1u;
-    let i = id.x % HALF_TABLE;
-    if (i <= n + 1u) {
-        result[half_table(n, halving_code) + i] = before_count(weights_of(n, alpha_of(halving_code)), n, i);
+@compute @workgroup_size(256)
+fn window_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
+    let density = window(numbers.family, numbers.scale_code, numbers.centre, i32(numbers.symbols));
+    if (id.x <= density.bins) {
+        result[id.x] = before_bin(density, id.x);
     }
-}
-
-// (15-8): the weights for n splats, and behind them their sum, which is at most 1315760602.
-fn weights_of(n: u32, alpha: u32) -> array<u32, 17> {
-    var weights: array<u32, 17>;
-    weights[0] = 0x10000u;
-    for (var i = 0u; i < n / 2u; i++) {
-        // ⌊w a / b⌋ with w = q b + r is q a + ⌊r a / b⌋: a is at most 1500, b at most 756, and the result below 2^28.
-        let a = (n - i) * (i + alpha);
-        let b = (i + 1u) * (n - i - 1u + alpha);
-        weights[i + 1u] = (weights[i] / b) * a + ((weights[i] % b) * a) / b;
+    if (id.x == 0u) {
+        densities[0] = density;
     }
-    var sum = 0u;
-    for (var i = 0u; i <= n; i++) {
-        weights[i] = weights[min(i, n - i)];
-        sum += weights[i];
-    }
-    weights[16] = sum;
-    return weights;
-}
-
-// ⌊part · factor / whole⌋ for part <= whole and a factor below 2^14, bit by bit of the factor: what is doubled is below
-// the whole, and 3 · 1315760602 < 2^32.
-fn share(part: u32, factor: u32, whole: u32) -> u32 {
-    var quotient = 0u;
-    var rest = 0u;
-    for (var bit = 14u; bit > 0u; bit--) {
-        rest = 2u * rest + part * ((factor >> (bit - 1u)) & 1u);
-        quotient = 2u * quotient + rest / whole;
-        rest %= whole;
-    }
-    return quotient;
-}
-
-// C[i] of the number of n splats in the first half.
-fn before_count(given: array<u32, 17>, n: u32, i: u32) -> u32 {
-    var weights = given;    // what is indexed by a variable has to be one
-    var sum = 0u;
-    for (var k = 0u; k < i; k++) {
-        sum += weights[k];
-    }
-    return select(TOTAL, i + share(sum, TOTAL - n - 1u, weights[16]), i <= n);
 }
 
 @compute @workgroup_size(240)

@@ -5,7 +5,6 @@
 //     pass      bindings    what
 //     choose    0 1 2       the items whose number fulfils a condition, and how many they are
 //     starts    0 1 2 3     the sums of the numbers of the items before, for the items of a list
-//     words     0 1 2 3     the words of the items of a list, two in each number
 
 struct Condition {
     count: u32,        // items that are looked at, the first one included
@@ -113,16 +112,4 @@ fn starts(@builtin(local_invocation_index) lane: u32) {
         sum += sums[LANES - 1u];
         workgroupBarrier();
     }
-}
-
-@compute @workgroup_size(LANES)
-fn words(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (2u * id.x >= found[0]) {
-        return;
-    }
-    var second = 0u;
-    if (2u * id.x + 1u < found[0]) {
-        second = numbers[found[2u + 2u * id.x]] & 0xffffu;
-    }
-    result[id.x] = (numbers[found[1u + 2u * id.x]] & 0xffffu) | (second << 16u);
 }

@@ -13,8 +13,8 @@ from gsvc_conformance.adapters.webgpu.gpu import Array
 IN_FRONT: Final[Mapping[str, tuple[str, ...]]] = {
     "main_lists": (),
     "main_encode": (),
-    "main_parameters": ("binary32", "main_tables"),
-    "main_passes": ("ballots", "main_tables", "main_densities"),
+    "main_raw": (),
+    "main_parameters": ("main_tables",),
 }
 """The texts that stand in front of a shader; those that are not named have the last two."""
 

@@ -7,9 +7,9 @@
 //     place_bits       splats / 256   0 2 4 6               how many bits x or y of a place in a cell has
 //     main_intra       splats / 256   0 2 3 4 5 6           (15-10), (15-15)
 //     new_splats       splats / 256   0 2 3 4 5 6 7 8       the same, behind the splats that stay
-//     magnitudes       splats / 256   0 2 3 4 6 7 8         magnitudes of a component, and contexts of the next one
+//     difference_contexts   splats / 256   0 2 4 6 7 8      which differences have a sign, and contexts of the next ones
 //     signed_codes     splats / 256   0 2 3 4 6             codes of classes of magnitudes, low bits and signs
-//     differences      splats / 32    0 2 4 6               differences of magnitudes and signs
+//     differences      splats / 256   0 2 3 4 5 6           differences of classes, low bits and signs
 //     field_contexts   cells / 256    0 2 6                 the contexts of the magnitudes in y
 //     field_vectors    rows / 256     0 2 6                 the vectors of the field
 //     motion_of_splats splats / 256   0 2 3 6               (15-12)
@@ -148,23 +148,24 @@ fn place_bits(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @group(0) @binding(4) var<storage, read> modes: array<u32>;
 @group(0) @binding(4) var<storage, read> signs: array<u32>;
-@group(0) @binding(6) var<storage, read_write> magnitudes_of_splats: array<u32>;    // (splats, components)
-@group(0) @binding(7) var<storage, read_write> before: array<u32>;                  // sums of those of the group so far
+@group(0) @binding(5) var<storage, read> present: array<u32>;                       // of differences: see below
+@group(0) @binding(7) var<storage, read_write> before: array<u32>;                  // sums of classes of the group so far
 @group(0) @binding(8) var<storage, read_write> contexts: array<u32>;                // of the next component
 
 fn magnitude_of(q: u32, low_bits: u32) -> u32 {
     return select(((2u + q % 2u) << (max(q, 4u) / 2u - 1u)) + low_bits, q, q < 4u);
 }
 
+// What is present of a difference: 0 if it is 0, 1 if it has a sign, 3 if its magnitude is 1 more than what is coded.
 @compute @workgroup_size(256)
-fn magnitudes(@builtin(global_invocation_id) id: vec3<u32>) {
+fn difference_contexts(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= frame.count || (modes[id.x] & frame.bit) == 0u) {
         return;
     }
-    let added = u32(frame.last == 1u && before[id.x] == 0u);
-    let magnitude = magnitude_of(classes[id.x], low[id.x]) + added;
-    magnitudes_of_splats[frame.components * id.x + frame.component] = magnitude;
-    before[id.x] += magnitude;
+    let q = classes[id.x];
+    let sure = frame.last == 1u && before[id.x] == 0u;
+    result[id.x] = select(i32(min(q, 1u)), 3, sure);
+    before[id.x] += q;    // a class above 3 stands for more than 2
     contexts[id.x] = frame.first + min(before[id.x], 2u);
 }
 
@@ -178,9 +179,9 @@ fn signed_codes(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @compute @workgroup_size(256)
 fn differences(@builtin(global_invocation_id) id: vec3<u32>) {
-    if (id.x < 8u * frame.count) {
-        let magnitude = state[id.x];
-        result[id.x] = select(magnitude, -magnitude, signs[id.x] == 1u);
+    if (id.x < frame.count) {
+        let magnitude = i32(magnitude_of(classes[id.x], low[id.x]) + (present[id.x] >> 1u));
+        result[8u * id.x + frame.component] = select(magnitude, -magnitude, signs[id.x] == 1u);
     }
 }
 
@@ -326,8 +327,8 @@ fn inter(i: u32, at: u32) {
     let y = state[first + 1u] + motion[2u * i + 1u] + changes[first] * g_s + changes[first + 1u] * g_y;
     let new_n = n + vec3<i32>(changes[first + 5u], changes[first + 6u], changes[first + 7u]) * frame.step;
     let clipped_n = clamp(new_n, vec3<i32>(-N_MOST), vec3<i32>(N_MOST));
-    result[8u * at] = clamp(x, -0x2000000, 0x2000000);
-    result[8u * at + 1u] = clamp(y, -0x2000000, 0x2000000);
+    result[8u * at] = clamp(x, -0x1000000, 0x1000000);
+    result[8u * at + 1u] = clamp(y, -0x1000000, 0x1000000);
     result[8u * at + 2u] = new_a;
     result[8u * at + 3u] = new_b;
     result[8u * at + 4u] = clamp(sheared(s, v) + changes[first + 4u] * (2048 >> u32(j)), -32767, 32767);

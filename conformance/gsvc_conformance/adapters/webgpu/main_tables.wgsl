@@ -1,8 +1,7 @@
 // Profile `main` (spec.md, section 15): its tables, and integers that round down.
 //
 // This text is put in front of the shaders that need it. All numbers of these shaders are integers of 32 bits, signed
-// or not; the products that spec.md has in 64 bits are made here of parts, and where a product looks too large a comment
-// says why it is not. Binary32 begins at the parameters.
+// or not, and where a product looks too large a comment says why it is not. So are the parameters: bit patterns.
 
 @group(0) @binding(1) var<storage, read> tables: array<u32>;    // EXP2, LOGISTIC, LAPLACE of section 15.3, and (15-8)
 
@@ -18,9 +17,9 @@ fn power(v: i32, k: i32) -> i32 {
     return i32(select(mantissa(v) >> u32(clamp(-shift, 0, 31)), mantissa(v) << u32(clamp(shift, 0, 15)), shift >= 0));
 }
 
-// ⌊a / b⌋ for b > 0.
+// ⌊a / b⌋ for b > 0, by unsigned quotients: one compiler gets % of negative numbers wrong.
 fn floor_quotient(a: i32, b: i32) -> i32 {
-    return a / b - select(0, 1, a % b < 0);
+    return select(i32(u32(a) / u32(b)), -i32((u32(-a) + u32(b) - 1u) / u32(b)), a < 0);
 }
 
 // The class j of n / D, (15-4): at most 2^28 + 2^12 is divided.

@@ -1,5 +1,5 @@
 /* Profile main (section 15): tables, densities, models, and the passes of a frame, whose lanes are a work-group. The host
-   is adapters/main_frames.py. Integers only; products that need them have 64 bits. */
+   is adapters/main_frames.py. Integers only. */
 
 typedef struct {
     int n[24];                              /* what a kernel is told, in the order of main_frames.py */
@@ -22,8 +22,8 @@ typedef struct {
 } Symbol;
 
 #define MAIN_TOTAL 0x4000u                  /* 2^14 */
-#define MAIN_LANES 64                       /* work-items of the groups that decode, encode and make lists */
-#define MAIN_TAKEN 64                       /* where a run has the number of words that were taken, behind its states */
+#define MAIN_LANES 64                       /* work-items of the groups that make lists and offsets */
+#define MAIN_GROUP 32                       /* lanes of a run that share words, and the work-items that decode them */
 #define LOWEST_STATE 0x10000u
 #define FAMILIES 1024                       /* where LOGISTIC and LAPLACE begin in the tables, behind EXP2 */
 #define HALVES 1538                         /* and the tables of (15-8), 17 numbers each */
@@ -71,25 +71,6 @@ Density half_density(uint n, uint p, uint q, uint halving_code)
     return wide;
 }
 
-/* (15-8) for all n up to 15 and all alphas: a work-item for each number of each table. */
-kernel void main_half_tables(global uint *tables)
-{
-    uint at = get_global_id(0), halving_code = at / 255, n = at / 17 % 15 + 1, i = at % 17, alpha;
-    if (halving_code >= 8 || i > n + 1)
-        return;
-    alpha = ALPHAS[halving_code];
-    ulong w[16], sum = 0, before = 0;
-    w[0] = 65536;
-    for (uint k = 0; k < n / 2; k++)
-        w[k + 1] = w[k] * (n - k) * (k + alpha) / ((k + 1) * (n - k - 1 + alpha));
-    for (uint k = 0; k <= n; k++) {
-        w[k] = w[min(k, n - k)];
-        before += k < i ? w[k] : 0;
-        sum += w[k];
-    }
-    tables[HALVES + at] = i > n ? MAIN_TOTAL : i + (uint)((MAIN_TOTAL - n - 1) * before / sum);
-}
-
 kernel void main_density_frequencies(global const uint *tables, global const int *edges, global uint *result, Numbers told)
 {
     uint i = get_global_id(0), bins = told.n[0];
@@ -109,9 +90,31 @@ kernel void main_half_frequencies(global const uint *tables, global uint *result
         density[0] = d;
 }
 
+/* floor(a / b) for b > 0, by unsigned quotients: one compiler gets % of negative numbers wrong. */
 int floor_quotient(int a, int b)
 {
-    return a / b - (a % b < 0);
+    return a < 0 ? -(int)(((uint)-a + b - 1) / b) : (int)((uint)a / b);
+}
+
+Density window(global const uint *tables, uint family, int scale_code, int centre, int h)           /* (15-7) */
+{
+    int scale = main_exp2(tables, 256 * scale_code, 4);
+    uint r = 0;
+    while (16 * scale > 512 * (h << r))
+        r++;
+    int first = floor_quotient(centre - 8 * scale, h << r), last = -floor_quotient(-centre - 8 * scale, h << r);
+    Density d = {family, scale_code, 4, centre, first, r, h, last - first + 1, r};
+    return d;
+}
+
+kernel void main_window_frequencies(global const uint *tables, global uint *result, global Density *density, Numbers told)
+{
+    uint i = get_global_id(0);
+    Density d = window(tables, told.n[3], told.n[4], told.n[2], told.n[1]);
+    if (i <= d.bins)
+        result[i] = before_bin(tables, d, i);
+    if (i == 0)
+        density[0] = d;
 }
 
 /* The densities of a frame's planes: 40 each, by the class of the magnitude of k0 or by that of the splat. */
@@ -127,14 +130,8 @@ kernel void main_plane_densities(global const uint *tables, global Density *dens
         densities[at] = magnitudes;
         return;
     }
-    int h = plane == 5 ? 2048 >> j : 1477 >> j, scale = main_exp2(tables, 256 * scale_code, 4);
-    uint r = 0;
-    while (16 * scale > 512 * (h << r))
-        r++;
-    centre = 64 * centre + 16 * slope * j;
-    int first = floor_quotient(centre - 8 * scale, h << r), last = -floor_quotient(-centre - 8 * scale, h << r);    /* (15-7) */
-    Density window = {family, scale_code, 4, centre, first, r, h, last - first + 1, r};
-    densities[at] = window;
+    int h = plane == 5 ? 2048 >> j : 1477 >> j;
+    densities[at] = window(tables, family, scale_code, 64 * centre + 16 * slope * j, h);
 }
 
 /* (15-14), a work-item for each context. */
@@ -234,21 +231,13 @@ void main_starts(global const uint *numbers, global const uint *list, global uin
     }
 }
 
-/* The words of the items of a list, two for each work-item. */
-kernel void main_words(global const uint *emitted, global const uint *list, global ushort *words)
-{
-    for (size_t i = 2 * get_global_id(0); i < 2 * get_global_id(0) + 2 && i < list[0]; i++)
-        words[i] = (ushort)emitted[list[1 + i]];
-}
-
-/* ---- A run: one work-group, each lane a work-item */
+/* ---- A run: each lane a work-item */
 
 /* (7-2): each lane goes through the symbols backwards and takes those of its own, so that none waits for another. */
-kernel __attribute__((reqd_work_group_size(MAIN_LANES, 1, 1)))
-void main_encode(global const uint *starts, global const uint *frequencies, global const uint *lanes, global uint *states,
-                 global uint *emitted, Numbers told)
+kernel void main_encode(global const uint *starts, global const uint *frequencies, global const uint *lanes, global uint *states,
+                        global uint *emitted, Numbers told)
 {
-    uint lane = get_local_id(0);
+    uint lane = get_global_id(0);
     if (lane >= told.n[3])
         return;
     uint x = states[lane];
@@ -266,18 +255,25 @@ void main_encode(global const uint *starts, global const uint *frequencies, glob
 }
 
 /* What kernels of passes are told. */
-#define LANE_COUNT told.n[0]
-#define WORD_COUNT told.n[1]
-#define FIRST_ROUND told.n[2]
-#define ROUNDS told.n[3]
-#define LISTED told.n[4]
-#define ITEMS told.n[5]
-#define CHOSEN_BY told.n[6]                 /* 0: the first distribution, 1: that of the item's choice, 2: of the item */
-#define FIRST_CHOICE told.n[7]
-#define SYMBOLS told.n[8]
-#define MAGNITUDES told.n[9]                /* 1: symbols are classes of magnitudes */
-#define KIND told.n[10]                     /* of raw bits: 0 the upper ones, 1 the lower 14, 2 signs */
-#define PLACE(item) (told.n[11] + (item) * told.n[12])
+#define LANE_COUNT ((uint)told.n[0])
+#define FIRST_ROUND told.n[1]
+#define ROUNDS told.n[2]
+#define SLOT told.n[3]                      /* where a run has the number of symbols in front of these, */
+#define FIRST_SLOT told.n[4]                /* and in front of the pass */
+#define PASS_NUMBER told.n[5]
+#define LISTED told.n[6]
+#define ITEMS told.n[7]
+#define CHOSEN_BY told.n[8]                 /* 0: the first distribution, 1: that of the item's choice, 2: of the item */
+#define FIRST_CHOICE told.n[9]
+#define SYMBOLS told.n[10]
+#define MAGNITUDES told.n[11]               /* 1: symbols are classes of magnitudes */
+
+/* Where a run has, behind the states of its lanes: the next word of each group, the one behind its last, how many symbols
+   stand in front of each dispatch, and of all symbols c(s), f(s), pass and lane, 16 bits each. */
+#define RUN_TAKEN 4096
+#define RUN_ENDS 4224
+#define RUN_SLOTS 4352
+#define RUN_SYMBOLS 4608
 
 uint bits_of_class(uint q)
 {
@@ -320,36 +316,50 @@ Symbol symbol_of_density(global const uint *tables, Density d, uint slot)
     return found;
 }
 
-/* A pass: the code finds the symbol of the item that this lane has in a round. Lanes that need a word find it behind those
-   of the lanes before (15.6). A word that is missing is 0; the host sees how many were needed. */
+/* Symbols of a pass: the code finds that of the item which this lane has in a round. Lanes that need a word find it behind
+   those of the lanes before (15.6). A word that is missing is 0; the host sees how many were needed. */
 #define PASS(find_symbol) \
-    local uint votes[MAIN_LANES]; \
-    uint lane = get_local_id(0), x = run[lane], taken = run[MAIN_TAKEN], count = LISTED ? list[0] : ITEMS; \
-    uint rounds = (count + LANE_COUNT - 1) / LANE_COUNT; \
-    rounds = min(rounds - min((uint)FIRST_ROUND, rounds), (uint)ROUNDS); \
-    barrier(CLK_GLOBAL_MEM_FENCE); \
+    local uint votes[2]; \
+    uint of_group = get_local_id(0), lane = get_global_id(0), group = lane / MAIN_GROUP, x = run[lane]; \
+    uint taken = run[RUN_TAKEN + group], in_front = run[RUN_SLOTS + SLOT], of_pass = in_front - run[RUN_SLOTS + FIRST_SLOT]; \
+    uint count = LISTED ? list[0] : ITEMS, first_round = of_pass / LANE_COUNT + FIRST_ROUND; \
+    uint end = (of_pass + count + LANE_COUNT - 1) / LANE_COUNT, rounds = min(max(end, first_round) - first_round, (uint)ROUNDS); \
+    if (of_group < 2) \
+        votes[of_group] = 0; \
+    barrier(CLK_GLOBAL_MEM_FENCE | CLK_LOCAL_MEM_FENCE); \
     for (uint round = 0; round < rounds; round++) { \
-        uint i = (FIRST_ROUND + round) * LANE_COUNT + lane; \
+        uint place = (first_round + round) * LANE_COUNT + lane, i = place - of_pass; \
         bool needs_word = false; \
-        if (lane < LANE_COUNT && i < count) { \
+        if (lane < LANE_COUNT && place >= of_pass && i < count) { \
             uint item = LISTED ? list[1 + i] : i, slot = x & 0x3FFF; \
             Symbol symbol; \
             find_symbol \
+            global uint *noted = run + RUN_SYMBOLS + 2 * (in_front + i); \
+            noted[0] = symbol.start | symbol.frequency << 16; \
+            noted[1] = PASS_NUMBER | lane << 16; \
             x = symbol.frequency * (x >> 14) + slot - symbol.start;     /* (7-1) */ \
             needs_word = x < LOWEST_STATE; \
         } \
-        uint2 found = main_votes(needs_word, votes); \
+        if (needs_word) \
+            atomic_or(votes + round % 2, 1u << of_group); \
+        barrier(CLK_LOCAL_MEM_FENCE); \
+        uint voted = votes[round % 2]; \
         if (needs_word) { \
-            uint at = taken + found.x; \
-            x = x << 16 | (at < WORD_COUNT ? words[at] : 0); \
+            uint at = taken + popcount(voted & ((1u << of_group) - 1)); \
+            x = x << 16 | (at < run[RUN_ENDS + group] ? words[at] : 0); \
         } \
-        taken += found.y; \
+        taken += popcount(voted); \
+        barrier(CLK_LOCAL_MEM_FENCE); \
+        if (of_group == 0) \
+            votes[round % 2] = 0; \
     } \
     run[lane] = x; \
+    if (of_group == 0) \
+        run[RUN_TAKEN + group] = taken; \
     if (lane == 0) \
-        run[MAIN_TAKEN] = taken;
+        run[RUN_SLOTS + SLOT + 1] = in_front + count;
 
-kernel __attribute__((reqd_work_group_size(MAIN_LANES, 1, 1)))
+kernel __attribute__((reqd_work_group_size(MAIN_GROUP, 1, 1)))
 void main_read_modeled(global uint *run, global const ushort *words, global const uint *list, global const uint *choices,
                        global const uint *cumulative, global uint *values, global uint *seen, global uint *low_bits,
                        Numbers told)
@@ -357,13 +367,13 @@ void main_read_modeled(global uint *run, global const ushort *words, global cons
     PASS(
         uint context = choice_of(item, choices, told);
         symbol = symbol_of_context(cumulative + context * (SYMBOLS + 1), SYMBOLS, slot);
-        values[PLACE(item)] = symbol.value;
+        values[item] = symbol.value;
         low_bits[item] = MAGNITUDES ? bits_of_class(symbol.value) : 0;
         atomic_inc(seen + context * SYMBOLS + symbol.value);
     )
 }
 
-kernel __attribute__((reqd_work_group_size(MAIN_LANES, 1, 1)))
+kernel __attribute__((reqd_work_group_size(MAIN_GROUP, 1, 1)))
 void main_read_densities(global const uint *tables, global uint *run, global const ushort *words, global const uint *list,
                          global const uint *choices, global const Density *densities, global uint *values,
                          global uint *low_bits, Numbers told)
@@ -371,20 +381,75 @@ void main_read_densities(global const uint *tables, global uint *run, global con
     PASS(
         Density density = densities[choice_of(item, choices, told)];
         symbol = symbol_of_density(tables, density, slot);
-        values[PLACE(item)] = symbol.value;
+        values[item] = symbol.value;
         low_bits[item] = MAGNITUDES ? bits_of_class(symbol.value) : density.low_bits;
     )
 }
 
-kernel __attribute__((reqd_work_group_size(MAIN_LANES, 1, 1)))
-void main_read_bits(global uint *run, global const ushort *words, global const uint *list, global const uint *bit_counts,
-                    global uint *values, Numbers told)
+/* ---- Raw values (15.6) */
+
+#define VALUES ((uint)told.n[0])            /* items */
+#define OF_SIGNS told.n[1]                  /* 1: a value has a bit where the number is not 0 */
+#define LATE told.n[2]
+
+uint raw_size(uint item, global const uint *numbers, Numbers told)
 {
-    PASS(
-        uint bits = KIND == 2 ? 1 : KIND == 0 ? bit_counts[item] - 14 : min(bit_counts[item], 14u);
-        symbol.value = slot >> (14 - bits);
-        symbol.start = symbol.value << (14 - bits);
-        symbol.frequency = MAIN_TOTAL >> bits;
-        values[PLACE(item)] = values[PLACE(item)] << bits | symbol.value;
-    )
+    return OF_SIGNS ? min(numbers[item], 1u) : numbers[item];
+}
+
+/* Where the values of items begin in the early string or the late one, which they lengthen. */
+kernel __attribute__((reqd_work_group_size(MAIN_LANES, 1, 1)))
+void main_offsets(global const uint *numbers, global uint *places, global uint *lengths, Numbers told)
+{
+    local uint own[MAIN_LANES];
+    uint lane = get_local_id(0), sum = lengths[LATE];
+    for (uint first = 0; first < VALUES; first += MAIN_LANES) {
+        uint i = first + lane, before = sum;
+        own[lane] = i < VALUES ? raw_size(i, numbers, told) : 0;
+        barrier(CLK_LOCAL_MEM_FENCE);
+        for (uint other = 0; other < MAIN_LANES; other++) {
+            before += other < lane ? own[other] : 0;
+            sum += own[other];
+        }
+        if (i < VALUES)
+            places[i] = before;
+        barrier(CLK_LOCAL_MEM_FENCE);
+    }
+    barrier(CLK_GLOBAL_MEM_FENCE);
+    if (lane == 0)
+        lengths[LATE] = sum;
+}
+
+uint word_of_text(global const uint *text, uint number)             /* 0 behind its end */
+{
+    return number < text[0] ? text[1 + number] : 0;
+}
+
+uint bits_of_text(global const uint *text, uint at, uint size)
+{
+    ulong both = word_of_text(text, at / 32) | (ulong)word_of_text(text, at / 32 + 1) << 32;
+    return (uint)(both >> at % 32) & ((1u << size) - 1);
+}
+
+/* Of the late string the first bits are the lower halves of what the lanes end with; the others follow the early bits. */
+kernel void main_take(global const uint *numbers, global const uint *places, global const uint *lengths,
+                      global const uint *text, global const uint *states, global uint *result, Numbers told)
+{
+    uint i = get_global_id(0);
+    uint size = i < VALUES ? raw_size(i, numbers, told) : 0;
+    if (size == 0)
+        return;
+    uint at = places[i], value = 0, of_lanes = 0;
+    if (LATE) {
+        uint half_bits = min(16 * (uint)told.n[3], lengths[1] / 16 * 16);
+        of_lanes = min(size, max(half_bits, at) - at);
+        if (of_lanes > 0) {
+            uint pair = (states[at / 16] & 0xFFFF) | states[at / 16 + 1] << 16;
+            value = pair >> at % 16 & ((1u << of_lanes) - 1);
+        }
+        at = lengths[0] + max(at, half_bits) - half_bits;
+    }
+    if (of_lanes < size)
+        value |= bits_of_text(text, at, size - of_lanes) << of_lanes;
+    result[told.n[4] + i * told.n[5]] = value;
 }

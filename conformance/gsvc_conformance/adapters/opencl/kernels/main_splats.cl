@@ -192,15 +192,15 @@ uint magnitude_of(uint q, uint low)
     return q < 4 ? q : ((2 + q % 2) << bits_of_class(q)) + low;
 }
 
-/* The magnitudes of a component of the differences, and the contexts of the next one. */
-kernel void main_magnitudes(global const uint *classes, global const uint *low, global const uint *modes,
-                            global uint *magnitudes, global uint *before, global uint *contexts, Numbers told)
+/* What is present of a difference: 0 if it is 0, 1 if it has a sign, 3 if its magnitude is 1 more than what is coded; and the
+   contexts of the next component. */
+kernel void main_difference_contexts(global const uint *classes, global const uint *modes, global uint *present,
+                                     global uint *before, global uint *contexts, Numbers told)
 {
     size_t i = get_global_id(0);
     if (i < COUNT && (modes[i] & BIT_OF_GROUP)) {
-        uint magnitude = magnitude_of(classes[i], low[i]) + (LAST_OF_GROUP && before[i] == 0);
-        magnitudes[COMPONENTS * i + COMPONENT] = magnitude;
-        before[i] += magnitude;
+        present[i] = LAST_OF_GROUP && before[i] == 0 ? 3 : min(classes[i], 1u);
+        before[i] += classes[i];            /* a class above 3 stands for more than 2 */
         contexts[i] = FIRST_OF + min(before[i], 2u);
     }
 }
@@ -215,11 +215,14 @@ kernel void main_signed_codes(global const uint *classes, global const uint *low
     }
 }
 
-kernel void main_differences(global const int *magnitudes, global const uint *signs, global int *differences, Numbers told)
+kernel void main_differences(global const uint *classes, global const uint *low, global const uint *signs,
+                             global const uint *present, global int *differences, Numbers told)
 {
-    size_t at = get_global_id(0);
-    if (at < 8 * (size_t)COUNT)
-        differences[at] = signs[at] ? -magnitudes[at] : magnitudes[at];
+    size_t i = get_global_id(0);
+    if (i < COUNT) {
+        int magnitude = magnitude_of(classes[i], low[i]) + (present[i] >> 1);
+        differences[8 * i + COMPONENT] = signs[i] ? -magnitude : magnitude;
+    }
 }
 
 /* ---- The motion field (15.10) */
@@ -309,8 +312,8 @@ void inter(global const uint *tables, global const int *state, global const int 
     int v = (new_A - A) - (new_B - B), shift = clamp(15 - (v >> 10), -16, 63);
     long product = (long)abs(S) * tables[v & 1023];
     int sheared = sign_of_S * (int)min(shift < 0 ? product << -shift : product >> shift, (long)32767);
-    after[0] = clamp(X + motion[0] + q[0] * g_x, -(1 << 25), 1 << 25);
-    after[1] = clamp(Y + motion[1] + q[0] * g_s + q[1] * g_y, -(1 << 25), 1 << 25);
+    after[0] = clamp(X + motion[0] + q[0] * g_x, -(1 << 24), 1 << 24);
+    after[1] = clamp(Y + motion[1] + q[0] * g_s + q[1] * g_y, -(1 << 24), 1 << 24);
     after[2] = new_A;
     after[3] = new_B;
     after[4] = clamp(sheared + q[4] * (2048 >> j), -32767, 32767);
@@ -338,28 +341,70 @@ kernel void main_stay(global const uint *tables, global const int *state, global
     }
 }
 
-/* ---- Parameters (15-5), exact */
+/* ---- Parameters (15-5) as bit patterns, and work (5-2): no floating point */
 
-float power_of_two(global const uint *tables, int v)
+uint digits(uint p)
 {
-    return ldexp((float)tables[v & 1023], (v >> 10) - 15);
+    return 32 - clz(p);
 }
 
-kernel void main_state_parameters(global const uint *tables, global const int *state, global float *parameters, Numbers told)
+/* sign q 2^(e + k) with (q, e) = r24(p). No number here is subnormal or beyond binary32. */
+uint pattern(int sign_of, uint p, int k)
+{
+    uint e = max((int)digits(p) - 24, 0);
+    uint q = e > 0 ? (p + (1u << (e - 1)) - 1 + (p >> e & 1)) >> e : p, z = digits(q);    /* 25 if q is 2^24 */
+    uint fraction = z > 24 ? 0 : q << (24 - z) & 0x7FFFFF;
+    return q == 0 ? 0 : (sign_of < 0 ? 0x80000000 : 0) | (uint)(k + (int)(e + z) + 126) << 23 | fraction;
+}
+
+uint weighted(int t, uint G, int k)
+{
+    uint magnitude = abs(t);
+    return pattern(t, (magnitude >> 15) * G + ((magnitude & 0x7FFF) * G >> 15), k);
+}
+
+kernel void main_state_parameters(global const uint *tables, global const int *state, global uint *parameters, Numbers told)
 {
     size_t i = get_global_id(0);
     if (i >= COUNT)
         return;
-    state += 8 * i;
-    parameters += 8 * i;
-    float l22 = power_of_two(tables, state[3]), g = power_of_two(tables, -(state[2] + state[3]) >> 1);
-    float a = (float)state[5] * 0x1.4edc56p-14f, b = (float)state[6] * 0x1.9a1e72p-14f, c = (float)state[7] * 0x1.d99086p-15f;
-    parameters[0] = (float)state[0] * 0x1p-8f;
-    parameters[1] = (float)state[1] * 0x1p-8f;
-    parameters[2] = power_of_two(tables, state[2]);
-    parameters[3] = (float)state[4] * 0x1p-10f * l22;
-    parameters[4] = l22;
-    parameters[5] = (a + b + c) * g;
-    parameters[6] = (a - 2 * c) * g;
-    parameters[7] = (a - b + c) * g;
+    int8 t = vload8(i, state);
+    uint4 magnitudes = (uint4)(abs(t.s567), 0);
+    int s = max((int)digits(max(max(magnitudes.x, magnitudes.y), magnitudes.z)) - 14, 0), v = -(t.s2 + t.s3) >> 1;
+    int3 k = (int3)(42862, 52495, 30308), P = (t.s567 >> s) * k + ((t.s567 & ((1 << s) - 1)) * k >> s);
+    uint G = tables[v & 1023], of_A = tables[t.s2 & 1023], of_B = tables[t.s3 & 1023];
+    int of_color = s + (v >> 10) - 29;
+    uint8 found = (uint8)(
+        pattern(t.s0, abs(t.s0), -8),
+        pattern(t.s1, abs(t.s1), -8),
+        pattern(1, of_A, (t.s2 >> 10) - 15),
+        pattern(t.s4, abs(t.s4) * of_B, (t.s3 >> 10) - 25),
+        pattern(1, of_B, (t.s3 >> 10) - 15),
+        weighted(P.x + P.y + P.z, G, of_color),
+        weighted(P.x - 2 * P.z, G, of_color),
+        weighted(P.x - P.y + P.z, G, of_color));
+    vstore8(found, i, parameters);
+}
+
+int reach_of(global const uint *tables, int v)                      /* E_x from A, or e from B */
+{
+    return (int)(tables[v & 1023] * 54544 >> (21 - (v >> 10))) + 1;
+}
+
+uint side_of(int middle, int reach, int size, uint h)
+{
+    const int filters[4] = {0, 427, 953, 1953};
+    int far = reach + filters[h], end = min((size + (1 << h) - 1) >> h, (middle + far + (256 << h) - 1) >> (8 + h));
+    return max(0, end - max(0, (middle - far) >> (8 + h)));
+}
+
+kernel void main_main_work(global const uint *tables, global const int *state, global uint *work, Numbers told)
+{
+    size_t i = get_global_id(0);
+    if (i >= COUNT)
+        return;
+    int8 t = vload8(i, state);
+    int m = 1024 + abs(t.s4), e = reach_of(tables, t.s3), e_y = (e >> 10) * m + ((e & 1023) * m >> 10) + 1;
+    uint h = told.n[3];
+    work[i] = side_of(t.s0, reach_of(tables, t.s2), told.n[1], h) * side_of(t.s1, e_y, told.n[2], h);
 }
