@@ -66,6 +66,10 @@ def stream_operations(
     return {name: names[name] for name in (*found, *PLANE_OPERATIONS)}
 
 
+Field = tuple[Any, int]
+"""The vectors of a motion field, i8 (rows, columns, 2), and the side of its cells in pixels, 0 for none."""
+
+
 @dataclass(frozen=True)
 class MainBody:
     """What the host finds in a frame_body() of profile `main` (spec.md 15.5) that has symbols.
@@ -78,6 +82,8 @@ class MainBody:
         The one that holds in the frame.
     motion_cell
         As it is written.
+    inherited
+        What `motion_cell` 0 stands for.
     new_mark
         What the new splats have for p of section 15.11: 0 in an I-frame, 2 in a P-frame.
     count
@@ -99,6 +105,7 @@ class MainBody:
     height: int
     quantizer: int
     motion_cell: int
+    inherited: "Field"
     new_mark: int
     count: int
     planes: Sequence[tuple[int, int, int, int]]
@@ -148,6 +155,9 @@ class MainBackEnd(Protocol):
     def decode(self, state: Any, body: MainBody) -> MainFrame:
         """A frame; where words or raw bits are missing they may be any numbers."""
 
+    def carried(self, state: Any, field: Field) -> Any:
+        """The state of a layer without a chunk, whose splats move by a field: section 15.13."""
+
     def parameters(self, state: Any) -> Any:
         """The parameters f4 (N, 8) of a state, or of splats i8 (N, 8)."""
 
@@ -180,10 +190,16 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
             self.splats = back_end.no_splats()
             self.densities: dict[str, Any] | None = None
             self.quantizer: int | None = None
+            self.inherited: Field = np.zeros((0, 0, 2), np.int64), 0
 
     def copied(main: MainState) -> MainState:
         other = MainState()
         other.splats, other.densities, other.quantizer = main.splats, main.densities, main.quantizer
+        return other
+
+    def carried(main: MainState, moves: Field) -> MainState:
+        other = copied(main)
+        other.splats = back_end.carried(main.splats, moves)
         return other
 
     def read_main_body(p: Any, frame_type: str, main: MainState, header: Any, limits: Any) -> dict[str, Any]:
@@ -198,7 +214,7 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
         run = names["Run"](p, body["lane_exponent"])
         planes, alphas = _told(main.densities)
         mark = 0 if frame_type == "I" else 2
-        head = body["quantizer"], body["motion_cell"], mark, body["count"]
+        head = body["quantizer"], body["motion_cell"], main.inherited, mark, body["count"]
         frame = back_end.decode(main.splats, MainBody(*size, *head, planes, alphas, run.states, run.ends, run.data))
         if any(taken > end for taken, end in zip(frame.taken, run.ends[1:], strict=True)):
             raise names["Fault"]("R-7-1", run.word_bit)
@@ -220,5 +236,5 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
     def main_work(state: Any, width: int, height: int, halvings: int) -> dict[str, Any]:
         return {"work": np.array(back_end.work(state, width, height, halvings), np.int64)}
 
-    own = (MainState, copied, read_main_body, state_parameters, main_work)
+    own = (MainState, copied, carried, read_main_body, state_parameters, main_work)
     return {function.__name__: function for function in own}

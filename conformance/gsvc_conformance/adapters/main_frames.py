@@ -36,7 +36,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance.adapters.host import MainBody, MainFrame
+from gsvc_conformance.adapters.host import Field, MainBody, MainFrame
 from gsvc_conformance.adapters.main_operations import SIDES, Array, MainOperations, Recording, groups
 from gsvc_conformance.adapters.main_tables import ALPHAS, step_of
 
@@ -63,6 +63,7 @@ SHAPES: Final = 3
 """The numbers of the first planes of colour and of shape."""
 FIRST, BY_CHOICE, BY_ITEM = range(3)
 ALL_BITS: Final = 0xFFFFFFFF
+NO_VECTORS: Final = np.zeros((0, 0, 2), np.int64)
 
 _RAMP: Final = (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2)
 COUNTS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
@@ -152,6 +153,24 @@ class MainDecoder(MainOperations):
         none = self.accelerator.storage(0)
         return DeviceState(self, 0, none, none, _counts_at_the_start(self))
 
+    def carried(self, state: DeviceState, field: Field) -> DeviceState:
+        """A layer without a chunk: motion without differences."""
+        if state.count == 0:
+            return state
+        vectors, side = field
+        motion, unchanged = self.accelerator.storage(8 * state.count), self.accelerator.storage(32 * state.count)
+        splats, past = self.accelerator.storage(32 * state.count), self.accelerator.storage(4 * state.count)
+        recording = self.accelerator.recording()
+        if side:
+            rows, columns, _ = vectors.shape
+            buffers = {2: state.splats, 3: self.integers(vectors), 6: motion}
+            numbers = [state.count, 0, 0, 0, columns, rows, side]
+            recording.dispatch("main_splats", "motion_of_splats", groups(state.count), buffers, numbers)
+        buffers = {1: self.tables, 2: state.splats, 3: motion, 4: unchanged, 6: splats}
+        recording.dispatch("main_splats", "main_inter", groups(state.count), buffers, [state.count, step_of(0)])
+        recording.submit()
+        return DeviceState(self, state.count, splats, past, state.counts)
+
     def parameters(self, state: DeviceState | Array) -> Array:
         """The parameters f4 (N, 8) of a state."""
         buffer = state.splats if isinstance(state, DeviceState) else self.integers(state)
@@ -194,7 +213,8 @@ class _Decoding:
         self.recording = on.accelerator.recording()
         self.lanes = len(body.lane_states)
         self.step = step_of(body.quantizer)
-        self.side = SIDES[body.motion_cell]
+        inherited, side = body.inherited
+        self.side = SIDES[body.motion_cell] or side
         self.columns = -(-body.width // self.side) if self.side else 0
         self.rows = -(-body.height // self.side) if self.side else 0
         self.run, self.words, self.text = self.on.accelerator.upload(self.run_at_the_start()), *self.payload()
@@ -204,7 +224,11 @@ class _Decoding:
         self.past = self.on.accelerator.storage(4 * (state.count + body.count))
         self.stays = self.on.accelerator.storage(4 * (state.count + 1))
         self.counts: Mapping[str, Any] = state.counts
-        self.vectors = self.on.accelerator.storage(8 * self.rows * self.columns)
+        self.vectors = (
+            self.on.accelerator.storage(8 * self.rows * self.columns)
+            if body.motion_cell
+            else self.on.integers(inherited)
+        )
         self.modes = self.on.accelerator.storage(4 * state.count)
         self.differences = self.on.accelerator.storage(32 * state.count)
         self.unused = self.on.accelerator.storage(4)
@@ -255,7 +279,7 @@ class _Decoding:
         noted = download(self.run, np.uint32, SYMBOLS + 2 * symbols)[SYMBOLS:]
         return MainFrame(
             DeviceState(self.on, count, self.splats, self.past, self.counts),
-            self.on.signed(self.vectors, self.rows, self.columns, 2),
+            self.on.signed(self.vectors, self.rows, self.columns, 2) if self.body.motion_cell else NO_VECTORS,
             self.on.signed(self.modes, before),
             self.on.signed(self.differences, before, 8),
             [int(x) for x in run[: self.lanes]],
@@ -382,12 +406,13 @@ class _Decoding:
         count = self.state.count
         models = {name: _Model(self.on, name, counts, self.recording) for name, counts in self.state.counts.items()}
         motion = self.on.accelerator.storage(8 * count)
-        if self.side:
+        if self.body.motion_cell:
             yield from self.read_field(models["vector"])
-            self.on_splats("motion_of_splats", count, {2: self.state.splats, 3: self.vectors, 6: motion})
         else:
             yield None
             yield None
+        if self.side:
+            self.on_splats("motion_of_splats", count, {2: self.state.splats, 3: self.vectors, 6: motion})
         contexts = self.on.accelerator.storage(4 * count)
         buffers = {2: self.state.splats, 3: self.state.past, 4: motion, 5: self.vectors, 6: contexts}
         self.on_splats("mode_contexts", count, buffers)
