@@ -50,28 +50,53 @@ def test_one_lane_of_main_decodes_more_symbols_than_a_dispatch_takes(adapter):
     assert same_outputs(adapter.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
 
 
-def test_an_encoded_run_of_more_symbols_than_a_dispatch_takes(adapter):
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("layer", range(4))
+def test_layers_of_random_streams_are_those_of_the_code_of_the_specification(adapter, seed, layer):
+    stream = random_main_stream(seed).data
+    assert same_outputs(
+        adapter.reconstruct_layers(stream, layer), spec.namespace()["reconstruct_layers"](stream, layer)
+    )
+
+
+@pytest.mark.parametrize("lane_exponent", [5, 6, 12])
+def test_groups_of_lanes_have_words_of_their_own(adapter, lane_exponent):
+    plans = Plan("I", 400, lane_exponent=lane_exponent), Plan("P", 90, lane_exponent=lane_exponent, motion_cell=2)
+    stream = main_stream(Draws(6), *plans, width=352, height=288, level=4, max_lane_exponent=12)
+    assert same_outputs(adapter.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
+
+
+@pytest.mark.parametrize("lane_count", [4, 64])
+def test_an_encoded_run_of_more_symbols_than_a_dispatch_takes(adapter, lane_count):
     rng = np.random.default_rng(5)
     count = main_operations.SYMBOLS_AT_ONCE + 1000
     frequencies = rng.integers(1, 2**14, count)
     starts = rng.integers(0, 2**14 - frequencies + 1)
-    lanes = rng.integers(0, 5, count)
-    found = adapter.encode_run(starts, frequencies, lanes, 5)
-    assert same_outputs(found, spec.namespace()["encode_run"](starts, frequencies, lanes, 5))
+    lanes = rng.integers(0, lane_count, count)
+    sizes = rng.integers(0, 29, (2, 30))
+    early, late = rng.integers(0, 2**sizes)
+    given = starts, frequencies, lanes, lane_count, early, sizes[0], late, sizes[1]
+    assert same_outputs(adapter.encode_run(*given), spec.namespace()["encode_run"](*given))
 
 
-def test_a_missing_word_and_one_too_many_are_found_behind_the_frame(adapter):
-    """R-7-1: the lanes go on with zeros, and the host sees how many words were needed."""
-    stream = main_stream(Draws(3), Plan("I", 200, lane_exponent=3), width=64, height=64, lane_count=8)
+def test_what_breaks_a_run_is_found_behind_the_frame(adapter):
+    """R-15.6-2: lanes go on with zeros, and the host sees how many words and raw bits were needed."""
     names = spec.namespace()
+    stream = main_stream(Draws(3), Plan("I", 200, lane_exponent=6), width=64, height=64, level=2, max_lane_exponent=6)
     frame = stream.index(b"I", 8)
-    for change in (-2, 2):
-        length = stream[frame + 1] & 127 | (stream[frame + 2] & 127) << 7
-        payload = stream[frame + 3 : frame + 3 + length]
-        payload = payload[:change] if change < 0 else payload + bytes(change)
-        head = b"I" + bytes([len(payload) & 127 | 128, len(payload) >> 7])
-        changed = head + payload + names["crc32c"](head + payload).to_bytes(4, "little")
-        faulty = stream[:frame] + changed + stream[frame + 3 + length + 4 :]
+    length = stream[frame + 1] & 127 | (stream[frame + 2] & 127) << 7
+    payload = stream[frame + 3 : frame + 3 + length]
+    changed = [payload[:-2], payload + bytes(2), *(_flipped(payload, at) for at in range(20, length, 7))]
+    found = set()
+    for other in changed:
+        head = b"I" + bytes([len(other) & 127 | 128, len(other) >> 7])
+        whole = head + other + names["crc32c"](head + other).to_bytes(4, "little")
+        faulty = stream[:frame] + whole + stream[frame + 3 + length + 4 :]
         expected = names["reconstruct_stream"](faulty)["error"]
-        assert "R-7-1" in expected
         assert adapter.reconstruct_stream(faulty)["error"] == expected
+        found.add(expected)
+    assert sum("R-7-1" in error for error in found) >= 3  # at the first word, at a lane, at the end
+
+
+def _flipped(payload, at):
+    return payload[:at] + bytes([payload[at] ^ 1]) + payload[at + 1 :]

@@ -214,8 +214,11 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
         run = names["Run"](p, body["lane_exponent"])
         planes, alphas = _told(main.densities)
         mark = 0 if frame_type == "I" else 2
-        head = body["quantizer"], body["motion_cell"], main.inherited, mark, body["count"]
-        frame = back_end.decode(main.splats, MainBody(*size, *head, planes, alphas, run.states, run.ends, run.data))
+        told = MainBody(
+            *size, body["quantizer"], body["motion_cell"], main.inherited, mark, body["count"], planes, alphas,
+            run.states, run.ends, run.data,
+        )  # fmt: skip
+        frame = back_end.decode(main.splats, told)
         if any(taken > end for taken, end in zip(frame.taken, run.ends[1:], strict=True)):
             raise names["Fault"]("R-7-1", run.word_bit)
         run.states, run.taken, run.at = frame.lane_states, frame.taken, frame.early_bits

@@ -30,7 +30,7 @@ main_raw.wgsl finds where they begin, and `take` reads them.
 Both columns are generators, and each yield ends a pass of theirs, as in the code of section 15.
 """
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -195,7 +195,7 @@ class MainDecoder(MainOperations):
 
 @dataclass(frozen=True)
 class _Raw:
-    """Raw values of items: a buffer of sizes, or of numbers that have a sign where they are not 0; and what they are."""
+    """Raw values of items, with buffers of their sizes or of numbers that have a sign unless they are 0, and of values."""
 
     numbers: Any
     count: int
@@ -251,7 +251,7 @@ class _Decoding:
         words = np.frombuffer(data[: len(data) // 2 * 2] + bytes(2), "<u2")  # a buffer has at least 32 bits
         return self.on.accelerator.upload(words), self.on.accelerator.upload(np.array([len(text), *text], np.uint32))
 
-    def passes(self, parts: Iterable[Generator[list[_Raw] | None, None, None]]) -> None:
+    def passes(self, parts: Sequence[Generator[list[_Raw] | None, None, None]]) -> None:
         """Record the passes of both parts side by side, then their late values, and what follows from these."""
         left, late = list(parts), []
         while left:
@@ -484,9 +484,7 @@ class _Decoding:
         classes, low = [luma], [self.early(bits, count)]
         yield None
         chroma = [
-            self.read_densities(
-                densities, count, choices=luma, chosen_by=BY_CHOICE, plane=plane, magnitudes=True
-            )
+            self.read_densities(densities, count, choices=luma, chosen_by=BY_CHOICE, plane=plane, magnitudes=True)
             for plane in range(CHROMA, SHAPES)
         ]
         classes += [found for found, _ in chroma]

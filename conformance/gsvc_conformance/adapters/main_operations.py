@@ -248,4 +248,5 @@ def _bits(values: Array, sizes: Array) -> Array:
     """The bits of raw values, of each the least significant one first."""
     owner = np.repeat(np.arange(len(sizes)), sizes)
     within = np.arange(len(owner)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-    return values[owner] >> within & 1
+    bits: Array = values[owner] >> within & 1
+    return bits

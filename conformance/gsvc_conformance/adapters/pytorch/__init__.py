@@ -27,11 +27,13 @@ from gsvc_conformance.adapters.pytorch.main_profile import (
     density_frequencies,
     main_inter,
     main_intra,
+    main_work,
     mode_contexts,
     model_frequencies,
     motion_of_splats,
     splat_classes,
     state_parameters,
+    window_frequencies,
 )
 from gsvc_conformance.adapters.pytorch.metrics import metrics
 from gsvc_conformance.adapters.pytorch.quantization import (
@@ -89,6 +91,7 @@ __all__ = [
     "lsq_quantize",
     "main_inter",
     "main_intra",
+    "main_work",
     "metrics",
     "mode_contexts",
     "model_frequencies",
@@ -117,6 +120,7 @@ __all__ = [
     "to_half",
     "weighted_gradients",
     "weighted_parameters",
+    "window_frequencies",
 ]
 
 

@@ -7,6 +7,7 @@ import math
 from functools import cache
 from typing import Final
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -14,11 +15,14 @@ from gsvc_conformance.adapters.pytorch.device import DEVICE, Array, Arrays, arra
 
 OCTAVE: Final = 1024
 TOTAL: Final = 2**14
-X_MOST, S_MOST, N_MOST, STEP_MOST = 2**25, 32767, 2**28, 2**17 - 1
+X_MOST, S_MOST, N_MOST, STEP_MOST = 2**24, 32767, 2**28, 2**17 - 1
 A_LEAST, A_MOST = -3072, 13311
 SIDES: Final = (0, 64, 32, 16)
-K1, K2, K3 = map(float.fromhex, ("0x1.4edc56p-14", "0x1.9a1e72p-14", "0x1.d99086p-15"))
-"""MAIN_K1, MAIN_K2 and MAIN_K3, which are binary32 numbers."""
+K: Final = (42862, 52495, 30308)
+"""MAIN_K."""
+REACH: Final = 54544
+FILTERS: Final = (0, 427, 953, 1953)
+"""F_h of (5-2)."""
 
 
 @cache
@@ -70,15 +74,29 @@ def _clipped(state: Tensor) -> Tensor:
 
 def density_frequencies(edges: Array, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Arrays:
     """Operation: (15-6)."""
+    return {"cumulative": array(_density(tensor(edges), centre, density_family, scale_code, unit_bits), "i8")}
+
+
+def _density(edges: Tensor, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Tensor:
     bins, T = len(edges) + 1, _families()[density_family]
     scale = int(_exp2_table()[-256 * scale_code % OCTAVE])
     shift = 4 - -scale_code // 4 + unit_bits
-    u = (2**15 + ((tensor(edges) - 2 * centre) * scale >> shift)).clamp(0, 2**16 - 1)
+    u = (2**15 + ((edges - 2 * centre) * scale >> shift)).clamp(0, 2**16 - 1)
     place = u >> 8
     v = T[place] + ((T[place + 1] - T[place]) * (u & 255) >> 8)
     inner = torch.arange(1, bins, device=DEVICE) + ((TOTAL - bins) * v >> 16)
     ends = torch.tensor([0, TOTAL], device=DEVICE)
-    return {"cumulative": array(torch.cat((ends[:1], inner, ends[1:])), "i8")}
+    return torch.cat((ends[:1], inner, ends[1:]))
+
+
+def window_frequencies(centre: int, step: int, density_family: int, scale_code: int) -> Arrays:
+    """Operation: (15-7), and (15-6) of it."""
+    scale = int(exp2(torch.tensor(256 * scale_code, device=DEVICE), 4))
+    r = next(r for r in range(16) if 16 * scale <= 512 * (step << r))
+    first, end = (centre - 8 * scale) // (step << r), -((-centre - 8 * scale) // (step << r)) + 1
+    edges = (2 * (torch.arange(first + 1, end, device=DEVICE) << r) - 1) * step
+    cumulative = _density(edges, centre, density_family, scale_code, 4)
+    return {"cumulative": array(cumulative, "i8"), "first": np.array(first), "low_bits": np.array(r)}
 
 
 def model_frequencies(counts: Array) -> Arrays:
@@ -179,25 +197,46 @@ def main_inter(quantizer: int, state: Array, motion: Array, differences: Array) 
     return {"state": array(_clipped(torch.cat((torch.stack(columns, 1), s[:, 5:] + q[:, 5:] * step), 1)), "i8")}
 
 
-def _power_of_two(v: Tensor) -> Tensor:
-    """2^(v/1024) as an exact binary32 number, whose power of two is made of its bits: no power is calculated."""
-    scale = ((127 - 15 + (v >> 10)) << 23).to(torch.int32).view(torch.float32)
-    return _exp2_table()[v & (OCTAVE - 1)].float() * scale
+def _digits(p: Tensor) -> Tensor:
+    return torch.searchsorted(2 ** torch.arange(32, device=DEVICE), p, right=True)
+
+
+def _pattern(negative: Tensor, p: Tensor, k: Tensor | int) -> Tensor:
+    """The number +- q 2^(e + k) with (q, e) = r24(p), as the bit pattern of binary32: no floating point takes part."""
+    e = (_digits(p) - 24).clamp(min=0)
+    q = (p + torch.where(e > 0, (1 << e >> 1) - 1 + (p >> e & 1), 0)) >> e
+    z = _digits(q)  # 25 if q is 2^24
+    fraction = torch.where(z > 24, 0, q << (24 - z).clamp(min=0)) & 2**23 - 1
+    pattern = ((k + e + z + 126) << 23 | fraction) - torch.where(negative, 2**31, 0)  # as a signed integer
+    return torch.where(q > 0, pattern, 0).to(torch.int32).view(torch.float32)
 
 
 def state_parameters(state: Array) -> Arrays:
-    """Operation: (15-5), each operation a kernel of its own, which rounds once."""
+    """Operation: (15-5)."""
     X, Y, A, B, S, *n = tensor(state).unbind(1)
-    l22, g = _power_of_two(B), _power_of_two(-(A + B) >> 1)
-    a, b, c = (value.float() * k for value, k in zip(n, (K1, K2, K3), strict=True))
-    columns = (
-        X.float() / 256,
-        Y.float() / 256,
-        _power_of_two(A),
-        S.float() / 1024 * l22,
-        l22,
-        ((a + b) + c) * g,
-        (a - 2 * c) * g,
-        ((a - b) + c) * g,
-    )
+    s = (_digits(torch.stack(n).abs().amax(0)) - 14).clamp(min=0)
+    P0, P1, P2 = (value * k >> s for value, k in zip(n, K, strict=True))
+    v, positive = -(A + B) >> 1, torch.zeros_like(A, dtype=torch.bool)
+    of_A, of_B, G = (_exp2_table()[value & OCTAVE - 1] for value in (A, B, v))
+    columns = [
+        _pattern(X < 0, X.abs(), -8),
+        _pattern(Y < 0, Y.abs(), -8),
+        _pattern(positive, of_A, (A >> 10) - 15),
+        _pattern(S < 0, S.abs() * of_B, (B >> 10) - 25),
+        _pattern(positive, of_B, (B >> 10) - 15),
+        *(_pattern(T < 0, T.abs() * G >> 15, s + (v >> 10) - 29) for T in (P0 + P1 + P2, P0 - 2 * P2, P0 - P1 + P2)),
+    ]
     return {"parameters": array(torch.stack(columns, 1), "f4")}
+
+
+def main_work(state: Array, width: int, height: int, halvings: int) -> Arrays:
+    """Operation: (5-2)."""
+    X, Y, A, B, S = tensor(state)[:, :5].unbind(1)
+    E_x, e = ((_exp2_table()[v & OCTAVE - 1] * REACH >> 21 - (v >> 10)) + 1 for v in (A, B))
+    m = 1024 + S.abs()
+    E_y = (e >> 10) * m + ((e & 1023) * m >> 10) + 1
+    work = torch.ones_like(X)
+    for middle, reach, size in ((X, E_x + FILTERS[halvings], width), (Y, E_y + FILTERS[halvings], height)):
+        end = ((middle + reach + 256 * 2**halvings - 1) >> 8 + halvings).clamp(max=-(-size // 2**halvings))
+        work = work * (end - ((middle - reach) >> 8 + halvings).clamp(min=0)).clamp(min=0)
+    return {"work": array(work.sum(), "i8")}

@@ -12,7 +12,7 @@ the code inside spec.md. Missing are the rest of training and quantisation, colo
 a frame on the host before it renders it: its checksum and its rendering work.
 
 Of profile `main` it has every operation. A frame is one submission: the host hands over the elements of the body, the
-lane states and the words, and reads back what R-7-1 asks for; passes, models and states stay on the device. The
+run, and reads back what R-15.6-2 asks for; passes, raw values, models and states stay on the device. The
 docstring of `gsvc_conformance.adapters.main_frames` maps the passes of spec.md 15.1 to dispatches; main_passes.wgsl
 has the lanes.
 """
