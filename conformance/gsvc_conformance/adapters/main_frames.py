@@ -195,7 +195,7 @@ class MainDecoder(MainOperations):
 
 @dataclass(frozen=True)
 class _Raw:
-    """Raw values of items, with buffers of their sizes or of numbers that have a sign unless they are 0, and of values."""
+    """Raw values of items: buffers of sizes, or of numbers that have a sign unless they are 0; and of the values."""
 
     numbers: Any
     count: int

@@ -79,8 +79,8 @@ def density_frequencies(edges: Array, centre: int, density_family: int, scale_co
 
 def _density(edges: Tensor, centre: int, density_family: int, scale_code: int, unit_bits: int) -> Tensor:
     bins, T = len(edges) + 1, _families()[density_family]
-    scale = int(_exp2_table()[-256 * scale_code % OCTAVE])
-    shift = 4 - -scale_code // 4 + unit_bits
+    scale = int(_exp2_table()[-256 * scale_code % OCTAVE]) >> 2
+    shift = 2 - -scale_code // 4 + unit_bits
     u = (2**15 + ((edges - 2 * centre) * scale >> shift)).clamp(0, 2**16 - 1)
     place = u >> 8
     v = T[place] + ((T[place + 1] - T[place]) * (u & 255) >> 8)

@@ -24,14 +24,11 @@ const PLANES = 6u;                  // luma, chroma1, chroma2, size, aspect, she
 const DENSITIES_OF_PLANE = 40u;     // one for each class of magnitudes of k0, or for each class of splats
 const MAGNITUDE_CLASSES = 40u;
 
-// v of (15-6) for e - 2 m = distance. Distances are below 2^18, also for the inputs that density_frequencies may have,
-// and EXP2 below 2^16. The shift is at least 4: the four low bits of EXP2 go first, and rounding down twice is rounding
-// down once. What is left are products below 2^30 and below 2^22.
+// v of (15-6) for e - 2 m = distance, at most 2^16 in magnitude.
 fn reached(distance: i32, family: u32, scale_code: i32, unit_bits: i32) -> u32 {
-    let scale = i32(mantissa(-256 * scale_code));
-    let shift = u32(4 + ((scale_code + 3) >> 2u) + unit_bits);
-    let product = distance * (scale >> 4u) + ((distance * (scale & 15)) >> 4u);    // 2^-4 of it
-    let u = u32(clamp(0x8000 + (product >> (shift - 4u)), 0, 0xffff));
+    let shift = u32(2 + ((scale_code + 3) >> 2u) + unit_bits);
+    let product = distance * i32(mantissa(-256 * scale_code) >> 2u);
+    let u = u32(clamp(0x8000 + (product >> shift), 0, 0xffff));
     let place = 1024u + 257u * family + (u >> 8u);
     return tables[place] + (((tables[place + 1u] - tables[place]) * (u & 0xffu)) >> 8u);
 }
@@ -67,12 +64,9 @@ fn half_density(n: u32, p: u32, q: u32, halving_code: u32) -> Density {
     let low_bits = u32(max(23 - i32(countLeadingZeros(n)), 0));
     let m = n >> low_bits;                                    // below 2^9
     let b = 256u * p / (p + q);
-    // (15-9): m b (256 - b) is below 2^23, the other factor below 2^20. ⌊· / 2^16⌋ from the twelve low bits of the
-    // first one and the rest: both products are below 2^32, and their sum, too.
-    let first = m * b * (256u - b);
     let alpha = alpha_of(halving_code);
-    let second = (2u * alpha + m) * 1245u;
-    let v = (((first >> 12u) * second + (((first & 0xfffu) * second) >> 12u)) >> 4u) / (2u * alpha + 1u);
+    let t = (2u * alpha + m) * 1245u / (2u * alpha + 1u);
+    let v = (((m * b * (256u - b)) >> 9u) * t) >> 7u;         // (15-9)
     let e = 31u - countLeadingZeros(max(v, 1u));
     let scale_code = 2u * e + select(0u, (v >> (max(e, 1u) - 1u)) & 1u, e > 0u);
     return Density(LOGISTIC, i32(scale_code), 0, i32(m * b / 4u), 0, 0u, 64, m + 1u, low_bits);

@@ -1,5 +1,5 @@
 /* Profile main (section 15): tables, densities, models, and the passes of a frame, whose lanes are a work-group. The host
-   is adapters/main_frames.py. Integers only. */
+   is adapters/main_frames.py. Integers of 32 bits only. */
 
 typedef struct {
     int n[24];                              /* what a kernel is told, in the order of main_frames.py */
@@ -41,9 +41,8 @@ int main_exp2(global const uint *tables, int v, int k)              /* (15-2) */
 /* v of (15-6) for e - 2 m = distance. */
 uint reached(global const uint *tables, int distance, uint family, int scale_code, int unit_bits)
 {
-    int shift = 15 + (scale_code + 3) / 4 - 11 + unit_bits;
-    long product = (long)distance * tables[-256 * scale_code & 1023];
-    uint u = (uint)clamp(32768 + (product >> shift), (long)0, (long)65535);
+    int product = distance * (int)(tables[-256 * scale_code & 1023] >> 2);
+    uint u = (uint)clamp(32768 + (product >> (2 + (scale_code + 3) / 4 + unit_bits)), 0, 65535);
     global const uint *T = tables + FAMILIES + 257 * family + (u >> 8);
     return T[0] + ((T[1] - T[0]) * (u & 255) >> 8);
 }
@@ -65,9 +64,9 @@ Density half_density(uint n, uint p, uint q, uint halving_code)
     if (p == q && n <= 15)
         return d;
     uint r = max(23 - (int)clz(n), 0), m = n >> r, b = 256 * p / (p + q), alpha = ALPHAS[halving_code];
-    ulong v = (ulong)(m * b * (256 - b)) * ((2 * alpha + m) * 1245) / ((2 * alpha + 1) << 16);      /* (15-9) */
-    uint e = 31 - clz((uint)max(v, (ulong)1));
-    Density wide = {0, 2 * e + (e > 0 ? (uint)(v >> (e - 1)) & 1 : 0), 0, m * b / 4, 0, 0, 64, m + 1, r};
+    uint t = (2 * alpha + m) * 1245 / (2 * alpha + 1), v = (m * b * (256 - b) >> 9) * t >> 7;       /* (15-9) */
+    uint e = 31 - clz(max(v, 1u));
+    Density wide = {0, 2 * e + (e > 0 ? v >> (e - 1) & 1 : 0), 0, m * b / 4, 0, 0, 64, m + 1, r};
     return wide;
 }
 
@@ -142,7 +141,7 @@ kernel void main_model_frequencies(global const uint *counts, global uint *resul
         return;
     counts += context * symbols;
     result += context * (symbols + 1);
-    ulong sum = 0, kept = 0;
+    uint sum = 0, kept = 0;
     uint f[24], missing = MAIN_TOTAL, most = 0, shift = 0, before = 0;
     for (uint s = 0; s < symbols; s++)
         sum += counts[s];
@@ -151,7 +150,7 @@ kernel void main_model_frequencies(global const uint *counts, global uint *resul
     for (uint s = 0; s < symbols; s++)
         kept += counts[s] >> shift;
     for (uint s = 0; s < symbols; s++) {
-        f[s] = 1 + (uint)((MAIN_TOTAL - symbols) * (ulong)(counts[s] >> shift) / kept);
+        f[s] = 1 + (MAIN_TOTAL - symbols) * (counts[s] >> shift) / kept;
         missing -= f[s];
         most = f[s] > f[most] ? s : most;
     }
@@ -172,7 +171,7 @@ kernel void main_adapt_model(global const uint *counts, global uint *result, glo
     for (uint at = context * symbols; at < (context + 1) * symbols; at++)
         used = used || seen[at] > 0;
     for (uint at = context * symbols; at < (context + 1) * symbols; at++)
-        result[at] = used ? (uint)(7 * (ulong)counts[at] >> 3) + 64 * seen[at] : counts[at];
+        result[at] = used ? counts[at] - (counts[at] + 7 >> 3) + 64 * seen[at] : counts[at];
 }
 
 /* ---- Lists: one work-group */
@@ -427,8 +426,8 @@ uint word_of_text(global const uint *text, uint number)             /* 0 behind 
 
 uint bits_of_text(global const uint *text, uint at, uint size)
 {
-    ulong both = word_of_text(text, at / 32) | (ulong)word_of_text(text, at / 32 + 1) << 32;
-    return (uint)(both >> at % 32) & ((1u << size) - 1);
+    uint shift = at % 32, upper = shift > 0 ? word_of_text(text, at / 32 + 1) << (32 - shift) : 0;
+    return (word_of_text(text, at / 32) >> shift | upper) & ((1u << size) - 1);
 }
 
 /* Of the late string the first bits are the lower halves of what the lanes end with; the others follow the early bits. */

@@ -307,11 +307,11 @@ void inter(global const uint *tables, global const int *state, global const int 
     int j = main_class(n, step), h = 1477 >> j;
     int g_x = clamp(main_exp2(tables, A + 512 - 1024 * j, 8), 1, STEP_MOST);
     int g_y = clamp(main_exp2(tables, B + 512 - 1024 * j, 8), 1, STEP_MOST);
-    int g_s = sign_of_S * (int)min((long)abs(S) * g_y >> 10, (long)STEP_MOST);
+    int g_s = sign_of_S * (int)min((uint)abs(S) * (uint)g_y >> 10, (uint)STEP_MOST);
     int new_A = clamp(A + (q[2] + q[3]) * h, -3072, 13311), new_B = clamp(B + (q[2] - q[3]) * h, -3072, 13311);
-    int v = (new_A - A) - (new_B - B), shift = clamp(15 - (v >> 10), -16, 63);
-    long product = (long)abs(S) * tables[v & 1023];
-    int sheared = sign_of_S * (int)min(shift < 0 ? product << -shift : product >> shift, (long)32767);
+    int v = (new_A - A) - (new_B - B), shift = min(15 - (v >> 10), 31);
+    uint product = abs(S) * tables[v & 1023];                       /* what is shifted to the left is above the range, or 0 */
+    int sheared = sign_of_S * (shift > 0 ? (int)min(product >> shift, 32767u) : 32767);
     after[0] = clamp(X + motion[0] + q[0] * g_x, -(1 << 24), 1 << 24);
     after[1] = clamp(Y + motion[1] + q[0] * g_s + q[1] * g_y, -(1 << 24), 1 << 24);
     after[2] = new_A;
