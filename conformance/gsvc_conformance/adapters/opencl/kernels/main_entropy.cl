@@ -171,7 +171,7 @@ kernel void main_adapt_model(global const uint *counts, global uint *result, glo
     for (uint at = context * symbols; at < (context + 1) * symbols; at++)
         used = used || seen[at] > 0;
     for (uint at = context * symbols; at < (context + 1) * symbols; at++)
-        result[at] = used ? counts[at] - (counts[at] + 7 >> 3) + 64 * seen[at] : counts[at];
+        result[at] = used ? counts[at] - ((counts[at] + 7) >> 3) + 64 * seen[at] : counts[at];
 }
 
 /* ---- Lists: one work-group */
