@@ -156,7 +156,8 @@ class ChunkDecoder:
             count = len(state.splats) if layers is None else layers.count
             pace = self._pace(place, frame_type, count, work, after.offset)
             number, offset = place.next_number + 1, after.offset
-            after = Place(offset, state, number, 0, offset, work[0] if layers is None else work_after(state), checksum, pace, layers)
+            of_base = work[0] if layers is None else work_after(state)
+            after = Place(offset, state, number, 0, offset, of_base, checksum, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
