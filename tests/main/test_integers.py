@@ -96,6 +96,17 @@ def test_halves_take_32_bits(alpha: int, monkeypatch: pytest.MonkeyPatch) -> Non
     assert all(0 < C < 2**14 for C in spec.HALVES.tolist())
 
 
+@pytest.mark.usefixtures("words")
+@pytest.mark.parametrize("quantizer", [0, 24, 79])
+def test_prediction_takes_32_bits(quantizer: int) -> None:
+    rows = states(2000, 7)
+    rng = np.random.default_rng(quantizer)
+    motion, differences = rng.choice([-(2**21), 2**21], (len(rows), 2)), rng.choice([-4096, 4096], (len(rows), 8))
+    found = spec.main_inter(quantizer, rows.view(Word), motion.view(Word), differences.view(Word))["state"]
+    assert (found >= LEAST).all()
+    assert (found <= MOST).all()
+
+
 def test_counts_take_32_bits() -> None:
     """The largest that a context can have: all splats of the highest level, in each of many frames."""
     counts = np.full((1, 9), 2**20).view(Word)
