@@ -11,7 +11,7 @@ SHIFT: Final = "    s = np.maximum(bits(np.max(abs(state[:, 5:]), axis=1)) - 14,
 PRODUCTS: Final = "(n >> s) * k + ((n & (1 << s) - 1) * k >> s)"
 NEAREST: Final = "    q = p + np.where(e > 0, (1 << e >> 1) - 1 + (p >> e & 1), 0) >> e\n"
 U: Final = "    u = 2**15 + ((edges - 2 * centre) * (int(EXP2[-256 * scale_code % 1024]) >> 2) >> shift)\n"
-V: Final = "    v = (q >> 9) * t >> 7\n"
+V: Final = "    v = (y >> 9) * t >> 7\n"
 
 TABLES: tuple[Mutant, ...] = (
     mutant(AREA, "exp2-rounded", "powers of two rounded in place of cut off",
@@ -200,13 +200,13 @@ ENTROPY: tuple[Mutant, ...] = (
     mutant(AREA, "halves-of-splats", "a density of halves whose width is that of all n, not of n >> r",
         (V, "    v = (n * b * (256 - b) >> 9) * ((2 * alpha + n) * 1245 // (2 * alpha + 1)) >> 7\n")),
     mutant(AREA, "halves-alpha-once", "alpha in place of 2 alpha in the width of halves",
-        (V, "    v = (q >> 9) * ((alpha + m) * 1245 // (alpha + 1)) >> 7\n")),
+        (V, "    v = (y >> 9) * ((alpha + m) * 1245 // (alpha + 1)) >> 7\n")),
     mutant(AREA, "halves-variance-shifted-once", "m b (256 - b) t shifted by 16 bits at once",
-        (V, "    v = q * t >> 16\n")),
+        (V, "    v = y * t >> 16\n")),
     mutant(AREA, "halves-variance-of-draft-1", "a width of halves that is rounded once, as in draft 1",
-        (V, "    v = q * (2 * alpha + m) * 1245 // ((2 * alpha + 1) * 2**16)\n")),
+        (V, "    v = y * (2 * alpha + m) * 1245 // ((2 * alpha + 1) * 2**16)\n")),
     mutant(AREA, "halves-variance-cut-off-first", "m b (256 - b) / 2^16 cut off before it is multiplied",
-        (V, "    v = (q >> 16) * t\n")),
+        (V, "    v = (y >> 16) * t\n")),
     mutant(AREA, "halves-without-half-octave", "a scale of halves in whole steps of 2",
         ("    scale_code = 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)\n", "    scale_code = 2 * e\n")),
     mutant(AREA, "halves-first-below", "the halves exchanged: right and lower before left and upper",
