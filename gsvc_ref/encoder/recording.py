@@ -10,6 +10,7 @@ from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.interrupts import Interrupts
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import DECISIONS
+from gsvc_ref.bitstream.header import Quality
 from gsvc_ref.bitstream.times import TIMES
 from gsvc_ref.encoder.encoded_frame import EncodedFrame
 from gsvc_ref.encoder.log import write_log
@@ -35,6 +36,7 @@ class StreamPlan:
     # With `least_level`, `level` is the highest allowed, and the header gets the least that fits at the end.
     level: int
     least_level: bool = False
+    qualities: tuple[Quality, ...] = ()  # what each quality of a stream with layers promises; empty: `level`
     live: bool = False  # write under the final name, and never go back
     # Gives a file to write in place of the opened one, which has all bytes when the block ends well.
     wrapped: Callable[[BinaryIO], AbstractContextManager[BinaryIO]] = nullcontext
@@ -48,7 +50,7 @@ class StreamPlan:
 
     def header(self) -> SequenceHeader:
         """The sequence header; final when the first frame is encoded."""
-        return header_of(self.coder, self.video, self.level)
+        return replace(header_of(self.coder, self.video, self.level), qualities=self.qualities)
 
 
 def header_of(coder: FrameCoder[Any], video: VideoFormat, level: int) -> SequenceHeader:

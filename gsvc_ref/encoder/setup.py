@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
-from gsvc_ref.bitstream.header import I_FRAME_SECONDS
+from gsvc_ref.bitstream.header import I_FRAME_SECONDS, Quality
 from gsvc_ref.encoder.frame_types import TypedFrame, typed_frames, with_i_frames
 from gsvc_ref.encoder.loop import GroupCoder
 from gsvc_ref.encoder.main.frame import MainFrameEncoder
@@ -48,9 +48,10 @@ class EncodeSetup:
         video = reader.format
         times = SourceTimes(reader, *settings.frames, least_delay=live or settings.low_latency)
         self.coder = make_coder(settings, video)
+        level = first_level(settings, video, self.coder)
         self.plan = StreamPlan(
-            self.coder, video, first_level(settings, video, self.coder), least_level=is_level_open(settings), live=live,
-            times_before=times.before, notes=self.notes, threads=settings.threads,
+            self.coder, video, level, least_level=is_level_open(settings), live=live, times_before=times.before,
+            qualities=first_qualities(settings, video, self.coder, level), notes=self.notes, threads=settings.threads,
         )  # fmt: skip
         self.progress = ProgressReporter(on_progress, frame_count_of(settings, video))
         self.source = SoundFrames(times.frames())
@@ -106,6 +107,20 @@ def first_level(settings: Settings, video: VideoFormat, coder: GroupCoder) -> in
     if settings.paced:
         return paced_level(settings, video, coder, level)
     return min(level + 1, max(LEVELS)) if is_level_open(settings) else level
+
+
+def first_qualities(settings: Settings, video: VideoFormat, coder: GroupCoder, level: int) -> tuple[Quality, ...]:
+    """The operating points in the header of a stream that begins (R-5-9): a level more than the splats of each ask for.
+
+    Nobody knows beforehand how many splats a PSNR takes; then each quality is of the stream's level.
+    """
+    if not isinstance(settings, MainSettings) or not settings.layer_splats:
+        return ()
+    levels = []
+    for count in settings.layer_splats[:-1]:
+        least = first_level(settings.with_splats(count), video, coder) + (not is_level_open(settings))
+        levels.append(min(least, level))
+    return tuple(map(Quality, (*levels, level)))
 
 
 def paced_level(settings: Settings, video: VideoFormat, coder: GroupCoder, least: int) -> int:

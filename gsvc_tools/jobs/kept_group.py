@@ -167,7 +167,7 @@ class KeptGroup:
 
 
 def _layers(frame: DecodedFrame, psnr: tuple[float, ...]) -> tuple[EncodedLayer, ...]:
-    """The base and the layers of a frame; one without a chunk repeats what it was."""
+    """The base and the layers of a frame; one without a chunk is carried."""
     chunks = {chunk.layer: chunk.codes for chunk in frame.chunks}
     if frame.layers is None or not isinstance(frame.codes, MainCodes) or not isinstance(frame.state, MainState):
         raise GsvcError("malformed", NOT_A_GROUP)
@@ -176,7 +176,9 @@ def _layers(frame: DecodedFrame, psnr: tuple[float, ...]) -> tuple[EncodedLayer,
         raise GsvcError("malformed", NOT_A_GROUP)
     codes = {0: frame.codes, **chunks}
     return tuple(
-        EncodedLayer(layer, codes.get(layer, MainCodes.repeated_frame()), state, psnr[layer])
+        EncodedLayer(
+            layer, codes.get(layer, MainCodes.repeated_frame()), state, psnr[layer], carried=layer not in codes
+        )
         for layer, state in states.items()
     )
 
