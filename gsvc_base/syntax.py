@@ -21,7 +21,7 @@ _HEADING: Final = re.compile(r"^(#{2,4}) (?:(Annex [A-Z]|[0-9.]+) )?(.*)$")
 _RULE: Final = re.compile(r"\*\*(R-[\w.-]+)\*\* ")
 _CITED: Final = re.compile(r"R-\d+(?:\.\d+)*-\d+")
 _CODE: Final = re.compile(r"`([^`]+)`")
-_SENTENCE: Final = re.compile(r"(?<=\.)\s+(?=[A-Z0-9`(*])")
+_SENTENCE: Final = re.compile(r"(?<=\.)\s+(?=[A-Zα-ω0-9`(*])")
 _TAG: Final = re.compile(r"\[(?:ours|paper|upstream)\] ")
 
 

@@ -89,7 +89,7 @@ BOMBS: dict[str, tuple[Callable[[], bytes], str]] = {
     "main, new_splat_count": (main(Lie("new_splat_count", 2**22 - 19)), "R-5-2"),
     "main, lanes beyond those of the header": (main(Lie("lane_exponent", 7)), "R-15.5-1"),
     "main, lanes without the bytes": (main(Lie("lane_exponent", 6)), "R-6.2-3"),
-    "main, layer_count": (main(Lie("layer_count", 255)), "R-6.3-1"),
+    "main, layer_count": (main(Lie("layer_count", 255)), "R-3.2-1"),
     "main, words": (main(Lie("word", bytes(2**16))), "R-7-1"),
     "frame_count of the header": (one_frame(Lie("frame_count", 2**32 - 1)), "R-6.3-2"),
 }

@@ -46,6 +46,9 @@ FOLLOWS: Final = (
 )  # fmt: skip
 """What may come when the element itself is legal, and the elements that follow are taken for others."""
 
+BODY_FOLLOWS: Final = (
+    ACCEPTED, "R-3.1-1", "R-3.1-4", "R-3.2-1", "R-5-2", "R-5-4", "R-6.2-3", "R-6.6-5", "R-7-1", "R-15.5-4",
+)  # fmt: skip
 MAIN_FOLLOWS: Final = (ACCEPTED, "R-3.1-4", "R-5-4", "R-6.2-3", "R-6.6-5", "R-7-1")
 """The same in a frame of profile `main`."""
 
@@ -303,14 +306,19 @@ def main_header_rows() -> Iterable[Row]:
     # With checksums what is taken for the quantizer of the I-frame is a reserved one.
     yield Row("flags", BYTES, within([0, 2], "R-3.2-1"), in_main("flags"))
     yield Row("bit_depth", BYTES, within(range(8, 17), "R-6.3-1"), in_main("bit_depth"))
-    yield Row("lane_count", BYTES, _rule_of_a_lane_count, in_main("lane_count"))
-    yield Row("layer_count", BYTES, within(range(1, 5), "R-6.3-1"), in_main("layer_count"))
+    yield Row("max_lane_exponent", BYTES, _rule_of_a_lane_exponent, in_main("max_lane_exponent"))
+    # Of layers the operating points are missing.
+    yield Row("layer_count", BYTES, lambda v: {1: ACCEPTED, 2: "R-6.2-3", 3: "R-6.2-3", 4: "R-6.2-3"}.get(v, "R-3.2-1"),
+              in_main("layer_count"))  # fmt: skip
+    yield Row("main_tools", BYTES, within([0], "R-3.2-1"), in_main("main_tools"))
     yield Row("frame_count", (0, 1, 3, 4, 5, MOST), within([0, 4], "R-6.3-2"), in_main("frame_count"))
 
 
-def _rule_of_a_lane_count(count: int) -> str:
-    """The frames have up to 4 lanes."""
-    return "R-6.3-1" if not 1 <= count <= 64 else "R-15.5-1" if count < 4 else ACCEPTED
+def _rule_of_a_lane_exponent(exponent: int) -> str:
+    """The frames have up to 4 lanes, and the level is 1."""
+    if exponent > 12:
+        return "R-6.3-1"
+    return "R-5-11" if exponent > 6 else "R-15.5-1" if exponent < 2 else ACCEPTED
 
 
 def main_frame_rows() -> Iterable[Row]:
@@ -325,23 +333,41 @@ def main_frame_rows() -> Iterable[Row]:
     for frame, exponent in enumerate((1, 2, 0)):
         quantizers = (*BYTES, 24, 78, 79, 80, 81)
         yield Row("quantizer", quantizers, _other_than(24, range(80), "R-3.2-1"), in_main("quantizer", frame))
-        yield Row("lane_exponent", range(8), _other_than(exponent, range(3), "R-15.5-1"),
-                  in_main("lane_exponent", frame))  # fmt: skip
-        yield Row("frame_reserved", range(4), within([0], "R-3.2-1"), in_main("frame_reserved", frame))
+        yield Row("lane_exponent", range(16), partial(_rule_of_lanes, exponent), in_main("lane_exponent", frame))
+    yield Row("quantizer_present (frame_body)", (0, 1), within([1], "R-15.5-5"), in_main("quantizer_present"))
+    yield Row("quantizer_present (frame_body)", (0, 1), lambda v: ACCEPTED if v else BODY_FOLLOWS,
+              in_main("quantizer_present", 1))  # fmt: skip
+    yield Row("new_present", (0, 1), within([1], "R-6.2-3"), in_main("new_present"))
+    for frame, truth in {1: 1, 2: 0}.items():
+        yield Row("new_present", (0, 1), lambda v, truth=truth: ACCEPTED if v == truth else BODY_FOLLOWS,
+                  in_main("new_present", frame))  # fmt: skip
     yield Row("motion_cell", range(4), within([0], "R-15.5-2"), in_main("motion_cell"))
     for frame, cell in {1: 3, 2: 1}.items():
         yield Row("motion_cell", range(4), _other_than(cell, range(4)), in_main("motion_cell", frame))
     empty = partial(said, of=partial(of_main, plans=EMPTY))
     yield Row("motion_cell", range(4), within([0], "R-15.5-2"), empty("motion_cell", 1))
-    yield Row("densities_present", (0, 1), within([1], "R-15.5-3"), in_main("densities_present"))
-    yield Row("densities_present", (0, 1), _other_than(1, (0, 1)), in_main("densities_present", 1))
-    yield Row("densities_present", (0, 1), within([0], "R-15.5-3"), in_main("densities_present", 2))
-    yield Row("densities_present", (0, 1), within([1], "R-15.5-4"), empty("densities_present", 1))
-    counts = (0, 1, 2, 9, 128, SPLATS - 12, SPLATS - 9, SPLATS - 8, SPLATS, SPLATS + 1, 2**22, 2**22 + 1, MOST)
-    for name, truth, before in (("splat_count", 9, 0), ("new_splat_count", 2, 9)):
-        yield Row(f"{name} (frame_body)", counts, _rule_of_a_count(truth, before), in_main(name))
-    yield Row("new_splat_count (frame_body)", (0, 1, 2, SPLATS + 1, MOST),
-              _other_than(0, range(SPLATS), "R-5-2"), in_main("new_splat_count", 1))  # fmt: skip
+    numbers = (0, 1, 2, 3, 16, 17, 255, 2 * (SPLATS - 10) + 1, 2 * SPLATS - 1, 2 * SPLATS, 2 * SPLATS + 1, 2**23, MOST)
+    yield Row("splat_number", numbers, partial(_rule_of_a_number, 17, 0, "R-15.5-3"), in_main("splat_number"))
+    yield Row("splat_number", numbers, partial(_rule_of_a_number, 3, 9, ""), in_main("splat_number", 1))
+    yield Row("splat_number", (0, 2, 5), lambda v: MAIN_FOLLOWS if v % 2 else "R-15.5-4", empty("splat_number"))
+
+
+def _rule_of_lanes(truth: int, exponent: int) -> str | tuple[str, ...]:
+    """The stream has 4 lanes at most."""
+    if exponent > 12:
+        return "R-3.2-1"
+    if exponent > 2:
+        return "R-15.5-1"
+    return ACCEPTED if exponent == truth else MAIN_FOLLOWS
+
+
+def _rule_of_a_number(truth: int, before: int, without: str, number: int) -> str | tuple[str, ...]:
+    """Where a frame must have densities, an even number breaks the rule `without`."""
+    if number // 2 + 1 + before > SPLATS:
+        return "R-5-2"
+    if number % 2 == 0 and without:
+        return without
+    return ACCEPTED if number == truth else MAIN_FOLLOWS
 
 
 def _other_than(truth: int, allowed: Iterable[int], rule: str = "") -> Rule:
@@ -354,17 +380,6 @@ def _other_than(truth: int, allowed: Iterable[int], rule: str = "") -> Rule:
         return rule
 
     return broken
-
-
-def _rule_of_a_count(truth: int, before: int) -> Rule:
-    """A frame with densities has some splat that is new."""
-
-    def rule(count: int) -> str | tuple[str, ...]:
-        if count in (0, truth):
-            return ACCEPTED if count else "R-15.5-3"
-        return MAIN_FOLLOWS if count + before <= SPLATS else "R-5-2"
-
-    return rule
 
 
 def main_value_rows() -> Iterable[Row]:
@@ -380,31 +395,52 @@ def main_value_rows() -> Iterable[Row]:
     yield Row("halving_code", range(8), always_of(MAIN_FOLLOWS), in_main("halving_code"))
     for run in range(3):
         low = [lambda x, v=v: [v, *x[1:].tolist()] for v in (0, 1, 65535)]
-        yield Row("lane_state (frame_body)", low, always("R-6.6-5"), in_main("lane_state", run))
+        yield Row("lane_state (run)", low, always("R-6.6-5"), in_main("lane_state", run))
         other = [lambda x, d=d: [*x[:-1].tolist(), (int(x[-1]) ^ d) | 65536] for d in (1, 2**15, 2**31)]
-        yield Row("lane_state (frame_body)", [*other, lambda x: [MOST] * len(x)], always("R-7-1"),
-                  in_main("lane_state", run))  # fmt: skip
-        words = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (1, 0xFFFF)]
-        yield Row(
-            "word (frame_body)", [*words, lambda w: w[:-1], lambda w: [*w, 0]], always("R-7-1"), in_main("word", run)
-        )
-        raw = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (0x1000, 0x8000)]  # it may be of a raw value
-        yield Row("word (frame_body)", raw, always_of((ACCEPTED, "R-7-1")), in_main("word", run))
+        ends = always_of((ACCEPTED, "R-7-1", "R-5-4"))  # a lane may end in many states
+        yield Row("lane_state (run)", [*other, lambda x: [MOST] * len(x)], ends, in_main("lane_state", run))
+        words = [lambda w, d=d: [*w[:-1].tolist(), int(w[-1]) ^ d] for d in (1, 0x1000, 0xFFFF)]
+        yield Row("word (run)", [*words, lambda w: w[:-1], lambda w: [*w, 0]], ends, in_main("word", run))
+        raw = [lambda b: b[:-1], lambda b: b"\0" + b, lambda b: b + b"\xff", lambda b: bytes(b)[::-1]]
+        yield Row("raw_byte", raw, ends, in_main("raw_byte", run))
+    groups = partial(said, of=partial(of_main, plans=(Plan("I", 9, lane_exponent=6),), max_lane_exponent=6))
+    yield Row("word_count (run)", (0, 1, 2, 3, 127, 1 << 20, MOST), always_of((ACCEPTED, "R-7-1", "R-15.6-5")),
+              groups("word_count"))  # fmt: skip
 
 
 def layer_rows() -> Iterable[Row]:
-    """What layers begin with."""
+    """Operating points, masks, and what layers begin with."""
     in_layers = partial(said, of=layered)
-    yield Row("layer", BYTES, within([1], "R-15.13-1"), in_layers("layer"), 3)  # one of layer 2 follows
-    yield Row("layer", BYTES, within([2, 3], "R-15.13-1"), in_layers("layer", 1), 3)
-    behind: dict[int, str | tuple[str, ...]] = {1: ACCEPTED, 2: MAIN_FOLLOWS, 3: "R-15.13-2"}
-    yield Row("layer", BYTES, lambda v: behind.get(v, "R-15.13-1"), in_layers("layer", 2), 3)
-    first = {ord("I"): ACCEPTED, ord("P"): "R-15.13-2", ord("R"): "R-15.13-2"}
-    letters = (*BYTES, *b"HIJOPQRS")  # the types and their neighbours
-    for chunk, values in enumerate((ALL_BYTES, letters)):
-        yield Row("layer_type", values, lambda v: first.get(v, "R-3.2-1"), in_layers("layer_type", chunk), 3)
-    later: dict[int, str | tuple[str, ...]] = {ord("I"): MAIN_FOLLOWS, ord("P"): ACCEPTED, ord("R"): "R-6.2-3"}
-    yield Row("layer_type", letters, lambda v: later.get(v, "R-3.2-1"), in_layers("layer_type", 2), 3)
+    for quality in range(4):
+        levels = {1: ACCEPTED, **dict.fromkeys(range(2, 6), "R-5-9")}  # the greatest is that of the stream
+        yield Row("quality_level", range(8), lambda v, of=levels: of.get(v, "R-3.2-1"),
+                  in_layers("quality_level", quality), 3)  # fmt: skip
+        yield Row("quality_halvings", range(4), always(ACCEPTED), in_layers("quality_halvings", quality), 3)
+        yield Row("quality_reserved", range(8), within([0], "R-3.2-1"), in_layers("quality_reserved", quality), 3)
+    for frame, truth in enumerate((0b110, 0b010)):
+        for number in (0, 3):
+            rule = partial(_rule_of_a_mask, truth, number)
+            yield Row("layer_mask", (*range(16), 16, 128, 255), rule, in_layers("layer_mask", frame), number)
+    yield Row("layer", range(4), lambda v: {0: "R-3.2-1", 1: ACCEPTED, 2: "R-15.13-6"}.get(v, "R-15.13-1"),
+              in_layers("layer"), 3)  # fmt: skip
+    yield Row("layer", range(4), lambda v: {0: "R-3.2-1", 2: ACCEPTED}.get(v, "R-15.13-1"), in_layers("layer", 1), 3)
+    yield Row("layer", range(4), lambda v: {0: "R-3.2-1", 1: ACCEPTED}.get(v, "R-15.13-1"), in_layers("layer", 2), 3)
+    for chunk in range(2):
+        yield Row("layer_type", range(4), lambda v: (ACCEPTED, "R-15.13-2", "R-15.13-2", "R-3.2-1")[v],
+                  in_layers("layer_type", chunk), 3)  # fmt: skip
+    later: tuple[str | tuple[str, ...], ...] = ((*MAIN_FOLLOWS, "R-15.5-2", "R-15.5-5"), ACCEPTED, "R-6.2-3", "R-3.2-1")
+    yield Row("layer_type", range(4), lambda v: later[v], in_layers("layer_type", 2), 3)
+    for chunk, frame in enumerate((0, 0, 1)):
+        yield Row("frame_low", range(16), within([frame], "R-15.13-4"), in_layers("frame_low", chunk), 3)
+
+
+def _rule_of_a_mask(truth: int, quality: int, mask: int) -> str:
+    """The chunks behind the frame are those of `truth`."""
+    if mask & ~0b1110:
+        return "R-3.2-1"
+    if quality == 0:
+        return ACCEPTED
+    return "R-15.13-1" if truth & ~mask else "R-15.13-6" if mask & ~truth else ACCEPTED
 
 
 def always_of(rules: tuple[str, ...]) -> Rule:

@@ -62,12 +62,16 @@ def uv(data: bytes, at: int) -> tuple[int, int]:
     return value, at
 
 
+LAYER_COUNT = 31
+"""The offset of `layer_count` in the payload of a sequence header of profile `main`."""
+
+
 def declared_splats(data: bytes) -> int:
     """The splats that all frames of a stream declare together: a bound of what decoding it costs.
 
     Frames that declare more than their level allows are left out: they are refused at once.
     """
-    at, total, checksum_size, most, profile = PREFIX_SIZE, 0, 0, 0, 0
+    at, total, checksum_size, most, profile, masked = PREFIX_SIZE, 0, 0, 0, 0, False
     while at < len(data):
         chunk_type = data[at : at + 1]
         size, at = uv(data, at + 1)
@@ -76,10 +80,15 @@ def declared_splats(data: bytes) -> int:
         if chunk_type == b"H" and most == 0 and len(payload) > 2:
             most = LEVELS[payload[1]].splats if payload[1] in LEVELS else 0
             checksum_size, profile = 4 * (payload[2] & 1), payload[0]
+            masked = profile == MAIN and payload[LAYER_COUNT : LAYER_COUNT + 1] > b"\1"
         if chunk_type in (b"I", b"P", b"n"):
-            behind = 2 if chunk_type == b"n" else uv(payload, 0)[1]  # `layer` and `layer_type`, or `frame_number`
-            tools = 2 if profile == MAIN else 0
-            declared, _ = uv(payload, behind + checksum_size + tools)
+            of_layer = chunk_type == b"n"  # which begins with `layer`, `layer_type` and `frame_low` in a byte
+            behind = (1 if of_layer else uv(payload, 0)[1] + masked) + checksum_size
+            if profile == MAIN:
+                flags = payload[behind] if behind < len(payload) else 0  # `quantizer_present` and `new_present` last
+                declared = uv(payload, behind + 1 + (flags >> 1 & 1))[0] // 2 + 1 if flags & 1 else 0
+            else:
+                declared, _ = uv(payload, behind)
             total += declared if declared <= most else 0
     return total
 
