@@ -121,8 +121,10 @@ def survivor_map(*symbols: int) -> Element:
 
 MAIN_TAIL: Final = (
     Element("bit_depth to chroma_sample_loc_type", HEADER[23:30]),
-    byte("lane_count", 1),
+    byte("max_lane_exponent", 0),
     byte("layer_count", 2),
+    byte("main_tools", 0),
+    *[byte(f"quality_level, quality_halvings, quality_reserved of quality {q}", 1 << 5) for q in range(2)],
 )
 PLANES: Final = (Density(0, 8, 90), Density(1, 6, 10, 6), Density(1, 5, 8, 5), Density(0, 20, 20, -8),
                  Density(1, 21, 2, 1), Density(0, 24, -3))  # fmt: skip
@@ -137,16 +139,19 @@ def main_splat(cell: list[int], colors: list[int]) -> MainCodes:
 def main_body(codes: MainCodes, before: MainState) -> tuple[Element, MainState]:
     """frame_body(), and the state after it."""
     p = Writer()
-    after = frame_body(p, codes.type, before, 1, 16384, codes).after
+    after = frame_body(p, codes.type, before, 0, 16384, codes).after
     return Element(f"frame_body({codes.type})", p.getvalue()), after
 
 
-def main_frames() -> list[list[Element]]:
+def main_frames(*masks: int) -> list[list[Element]]:
     """The payloads of the frames I, P and R of profile `main`: the splat moves and becomes darker."""
     first, state = main_body(main_splat([1, 1], [9, 2, 0]), MainState.initial(16, 12))
     q = np.array([[3, -1, 0, 0, 0, -2, 0, 0]], np.int64)
     second, _ = main_body(MainCodes(type="P", quantizer=24, modes=np.array([5]), differences=q), state)
-    return [[number("frame_number", n), *body] for n, body in enumerate(([first], [second], []))]
+    return [
+        [number("frame_number", n), byte("layer_mask", mask), *body]
+        for n, (mask, body) in enumerate(zip(masks or (0, 0, 0), ([first], [second], []), strict=True))
+    ]
 
 
 def second_profile() -> Example:
@@ -201,12 +206,13 @@ def reordered(*, flagged: bool = True) -> Example:
     return Example("F.5", elements, 0, "unsupported R-3.2-1 112")
 
 
-def layers() -> Example:
-    """The stream of F.3 with a layer in frame 0: a green splat at (8.125, 4.125)."""
-    i, p, r = main_frames()
+def layers(*, whole: bool = True) -> Example:
+    """The stream of F.3 with a layer, a green splat at (8.125, 4.125), which frame 1 carries."""
+    i, p, r = main_frames(2, 0, 2)
     body, _ = main_body(main_splat([2, 1], [2, 0, -6]), MainState.initial(16, 12))
-    added = [byte("layer", 1), byte("layer_type", ord("I")), body]
-    frames = [*chunk("I", i), *chunk("n", added), *chunk("P", p), *chunk("R", r)]
+    head = "layer, layer_type, frame_low"
+    repeated = chunk("n", [byte(head, 1 << 6 | 2 << 4 | 2)]) if whole else []
+    frames = [*chunk("I", i), *chunk("n", [byte(head, 1 << 6), body]), *chunk("P", p), *chunk("R", r), *repeated]
     return Example("F.6", [PREFIX, *header(*MAIN_TAIL, profile=1), *frames, *end(3)], 3)
 
 

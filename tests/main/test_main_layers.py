@@ -1,5 +1,6 @@
 """Layers of profile `main`: gsvc_ref and the code of spec.md agree; damage to a layer takes no frame of the base."""
 
+from dataclasses import replace
 from io import BytesIO
 from itertools import pairwise
 from typing import Any
@@ -14,10 +15,12 @@ from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import MAIN_CATEGORIES
-from gsvc_ref.bitstream.header import MAIN
-from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.bitstream.header import MAIN, MAX_LAYERS
+from gsvc_ref.cli.damage import Gaps
+from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.layers import Layers
+from gsvc_ref.main.motion import field_motion
 from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamWriter
 from gsvc_ref.testing import OVERVIEW_HEADER, join_chunks, main_streams, overview_frames, split_chunks, write_stream
 from gsvc_ref.testing import random_streams as random
@@ -41,17 +44,18 @@ def layered(
     types: str = TYPES, layers: tuple[dict[int, str], ...] = LAYERS, header: SequenceHeader = HEADER, count: int = 6
 ) -> bytes:
     """A stream with layers of these types behind frames of these types."""
-    choices, states = SeededChoices(3), {}
+    choices, state, shown = SeededChoices(3), MainState.initial(header.width, header.height), Layers(header.layer_count)
     codes: list[MainCodes] = []
     of_frames: dict[int, list[tuple[int, MainCodes]]] = {}
     for number, (letter, behind) in enumerate(zip(types, layers, strict=True)):
-        for layer, layer_type in {0: letter, **behind}.items():
-            before = states.get(layer, MainState.initial(header.width, header.height))
-            made, states[layer] = make_main_frame(choices, header, before, types=layer_type, count=count, kind="any")
-            if layer:
-                of_frames.setdefault(number, []).append((layer, made))
-            else:
-                codes.append(made)
+        made, state = make_main_frame(choices, header, state, types=letter, count=count, kind="any")
+        codes.append(made)
+        shown = shown.after(made.type, state, behind, made.field, number)
+        for layer, layer_type in behind.items():
+            before = shown.start_of(layer, header)
+            made, after = make_main_frame(choices, header, before, types=layer_type, count=count, kind="any")
+            of_frames.setdefault(number, []).append((layer, made))
+            shown = shown.with_layer(layer, replace(after, inherited=NO_FIELD))
     return write_stream(header, codes, layers=of_frames)
 
 
@@ -75,7 +79,7 @@ def chunk_number(data: bytes, frame: int, layer: int) -> int:
     at = -1
     for number, (kind, payload) in enumerate(split_chunks(data)):
         at += kind in (b"I", b"P", b"R")
-        if at == frame and ((kind == b"n" and payload[0] == layer) or (kind != b"n" and layer == 0)):
+        if at == frame and ((kind == b"n" and payload[0] >> 6 == layer) or (kind != b"n" and layer == 0)):
             return number
     raise AssertionError
 
@@ -112,7 +116,7 @@ def test_what_is_written_is_read(stream: random.Stream) -> None:
 
 
 def test_qualities(data: bytes) -> None:
-    """A frame shows the layers that are there: behind an R-frame also those without a chunk."""
+    """A frame shows the layers that are there, also those without a chunk."""
     base = gsvc_ref.reconstruct_layers(data, 0).counts
     one, two = (gsvc_ref.reconstruct_layers(data, layer).counts for layer in (1, 2))
     assert (one > base).all()
@@ -120,14 +124,36 @@ def test_qualities(data: bytes) -> None:
     assert both(data, 3)[0] == both(data, 2)[0]
 
 
-def test_a_layer_without_a_chunk_behind_a_p_frame_is_gone() -> None:
-    cut = layered("IPP", ({1: "I"}, {}, {1: "I"}))
-    base, one = (gsvc_ref.reconstruct_layers(cut, layer).counts for layer in (0, 1))
-    assert (one - base).tolist() == [6, 0, 6]
+def test_a_layer_that_the_mask_does_not_name_is_carried() -> None:
+    stream = layered("IPRPI", ({1: "I"}, {}, {}, {1: "P"}, {}))
+    ours, theirs = both(stream, 1)
+    assert (ours, ours[2]) == (theirs, "")
+    base = gsvc_ref.reconstruct_layers(stream, 0).counts.tolist()
+    assert [a - b for a, b in zip(ours[0], base, strict=True)][:3] == [6, 6, 6]
+    assert ours[0][4] == base[4]
+    before, moved, repeated = frames_of(stream)[:3]
+    field = moved.codes.field
+    old, new = before.layers.there[1].values, moved.layers.there[1].values
+    assert np.array_equal(new[:, 2:], old[:, 2:])
+    assert np.array_equal(new[:, :2], old[:, :2] + field_motion(old, *field))
+    assert field.side == 0 or (new[:, :2] != old[:, :2]).any()
+    assert repeated.layers.there[1] is moved.layers.there[1]
+
+
+def test_a_chunk_that_is_missing_is_found() -> None:
     ours, theirs = both(without(layered("IPP", ({1: "I"}, {1: "P"}, {1: "P"})), 4), 1)
     assert ours == theirs
-    assert ours[2].split()[:2] == ["invalid", "R-15.13-2"]
-    assert len(ours[0]) == 3  # the frame of the layer at fault is there without it
+    assert ours[2].split()[:2] == ["invalid", "R-15.13-6"]
+    assert len(ours[0]) == 2  # the frame of the layer at fault is there without it
+
+
+def test_a_frame_is_complete_with_its_last_chunk_that_is_wanted(data: bytes) -> None:
+    """R-15.13-5: nothing behind that chunk is needed, not even that there is something."""
+    for layer in (0, 1, 2):
+        for frame in frames_of(data, layer=layer):
+            last = frame.chunks[-1] if frame.chunks else frame
+            frames = iter(gsvc_ref.open(data[: last.offset + last.size], layer=layer))
+            assert [next(frames) for _ in range(frame.number + 1)][-1].splats == frame.splats
 
 
 @pytest.mark.exhaustive
@@ -148,19 +174,20 @@ def changed(data: bytes, chunk: int, byte: int, value: int) -> bytes:
 
 
 FAULTS = {
-    "layer 0": (0, 0, "R-15.13-1"),
-    "a layer that the stream has not": (0, 3, "R-15.13-1"),
-    "a second chunk of a layer": (0, 2, "R-15.13-1"),
-    "no such type": (1, 69, "R-3.2-1"),
-    "P where the layer is not there": (1, 80, "R-15.13-2"),
-    "a wrong checksum": (2, 0, "R-6.4-3"),
+    "layer 0": (0, 0, 0x00, "R-3.2-1"),
+    "a layer that the mask does not name": (0, 0, 0xC0, "R-15.13-1"),
+    "a chunk of the layer above": (0, 0, 0x80, "R-15.13-6"),
+    "no such type": (0, 0, 0x70, "R-3.2-1"),
+    "P where the layer is not there": (0, 0, 0x50, "R-15.13-2"),
+    "another frame": (1, 0, 0x50, "R-15.13-4"),
+    "a wrong checksum": (0, 1, 0, "R-6.4-3"),
 }
 
 
 @pytest.mark.parametrize("name", FAULTS)
 def test_faults(name: str, data: bytes) -> None:
-    byte, value, rule = FAULTS[name]
-    chunk = chunk_number(data, 0, 1)
+    number, byte, value, rule = FAULTS[name]
+    chunk = chunk_number(data, number, 1)
     damaged = changed(data, chunk, byte, value)
     ours, theirs = both(damaged, 2)
     assert ours == theirs
@@ -179,13 +206,20 @@ def test_the_level_counts_all_layers() -> None:
     choices, start = SeededChoices(5), MainState.initial(32, 24)
     frame, state = make_main_frame(choices, header, start, types="I", max_count=9000, count=9000, kind="last")
     assert most < 2 * 9000
-    with pytest.raises(UsageError, match=r"the level allows 7384|R-5-2"):
+    with pytest.raises(UsageError, match=r"the level allows 7384"):
         write_stream(header, [frame], layers={0: [(1, frame)]})
     high = write_stream(SequenceHeader(**{**header.arguments, "level": 2}), [frame], layers={0: [(1, frame)]})
-    ours, theirs = both(changed(high, 0, 1, 1), 1)
+    low = with_payload(high, 0, lambda p: p[:1] + b"\1" + p[2:-2] + b"\x20\x20")
+    ours, theirs = both(low, 1)
     assert ours == theirs
     assert ours[2].split()[:2] == ["limit", "R-5-2"]
-    assert both(changed(high, 0, 1, 1), 0)[0][2] == ""
+    assert both(low, 0)[0][2] == ""
+    split = with_payload(high, 0, lambda p: p[:-2] + b"\x20\x40")  # the base alone asks for level 1
+    assert both(split, 0) == both(low, 0)
+    assert both(split, 1)[0][2] == both(split, 1)[1][2] == ""
+    wrong = with_payload(high, 0, lambda p: p[:-2] + b"\x20\x20")
+    assert both(wrong, 0)[0][2] == both(wrong, 0)[1][2]
+    assert both(wrong, 0)[0][2].split()[:2] == ["limit", "R-5-9"]
     assert len(state.values) == 9000
 
 
@@ -206,6 +240,7 @@ def test_the_level_counts_a_layer_that_repeats(name: str, checksums: bool) -> No
     assert (ours, ours[2]) == (theirs, "")
     frames = list(gsvc_ref.open(stream).salvage())
     assert [len(frame.splats) <= 1 << 14 for frame in frames if isinstance(frame, DecodedFrame)] == [True, True]
+    assert [frame.lacking for frame in frames if isinstance(frame, DecodedFrame)] == [(), (highest,)]
     assert [fault.rule for gap in frames if isinstance(gap, Gap) for fault in gap.faults] == ["R-5-2"]
 
 
@@ -215,21 +250,21 @@ def test_a_layer_that_repeats_is_not_written_beyond_the_level(name: str) -> None
     base, layers = growing_codes(name, header)
     target = BytesIO()
     writer = StreamWriter(target, header)
-    for number, frame in enumerate(base):
-        writer.write_frame(frame)
-        for layer, codes in layers[number][: None if number == 0 else -1]:
-            writer.write_layer(layer, codes)
+    writer.write_frame(base[0], layers=dict(layers[0]))
     size = target.tell()
     with pytest.raises(UsageError, match=r"repeated the frame has 1[68]\d+ splats; level 1 allows 16384 .R-5-2"):
-        writer.write_layer(*layers[1][-1])
+        writer.write_frame(base[1], layers=dict(layers[1]))
     assert target.tell() == size
+    carried = {layer: codes for layer, codes in layers[1] if codes.type != "R"}
+    if not carried:
+        with pytest.raises(UsageError, match=r"frame 1 has 1[68]\d+ splats; level 1 allows 16384 .R-5-2"):
+            writer.write_frame(base[1])
     low = StreamWriter(BytesIO(), SequenceHeader(**{**header.arguments, "level": 3}), least_level=True)
     for number, frame in enumerate(base):
-        low.write_frame(frame)
-        for layer, codes in layers[number]:
-            low.write_layer(layer, codes)
+        low.write_frame(frame, layers=dict(layers[number]))
     low.finish()
     assert low.header.level == 2
+    assert low.header.operating_points[-1].level == 2
 
 
 def test_least_level_is_one_for_all_layers() -> None:
@@ -237,29 +272,29 @@ def test_least_level_is_one_for_all_layers() -> None:
     start = MainState.initial(32, 24)
     frame, _ = make_main_frame(SeededChoices(5), header, start, types="I", max_count=9000, count=9000, kind="last")
     levels = []
-    for layers in ((), (1,)):
-        writer = StreamWriter(BytesIO(), header, least_level=True)
-        writer.write_frame(frame)
-        for layer in layers:
-            writer.write_layer(layer, frame)
+    for layers in ({}, {1: frame}):
+        target = BytesIO()
+        writer = StreamWriter(target, header, least_level=True)
+        writer.write_frame(frame, layers=layers)
         writer.finish()
-        levels.append(writer.header.level)
-    assert levels == [1, 2]
+        levels.append((writer.header.level, *writer.header.operating_points))
+        assert StreamReader(target.getvalue()).header == writer.header
+    assert levels == [(1, (1, 0), (1, 0)), (2, (1, 0), (2, 0))]
 
 
 def test_layers_are_refused_where_they_cannot_stand() -> None:
     choices, start = SeededChoices(1), MainState.initial(32, 24)
     first, _ = make_main_frame(choices, HEADER, start, types="I", count=2)
-    writer = StreamWriter(BytesIO(), HEADER)
-    with pytest.raises(UsageError, match="a frame that it is added to"):
-        writer.write_layer(1, first)
-    writer.write_frame(first)
+    target = BytesIO()
+    writer = StreamWriter(target, HEADER)
+    size = target.tell()
     with pytest.raises(UsageError, match="must begin with I"):
-        writer.write_layer(1, MainCodes.repeated_frame())
-    writer.write_layer(2, first)
-    for layer in (1, 2, 3):
-        with pytest.raises(UsageError, match=r"R-15\.13-1"):
-            writer.write_layer(layer, first)
+        writer.write_frame(first, layers={1: MainCodes.repeated_frame()})
+    for layers in ({0: first}, {3: first}, {1: first, 4: first}):
+        with pytest.raises(UsageError, match=r"they must be 1 to 2 .R-15\.13-1"):
+            writer.write_frame(first, layers=layers)
+    assert target.tell() == size
+    writer.write_frame(first, layers={2: first})
 
 
 def test_chunks_in_front_of_the_first_frame_and_of_other_profiles_are_skipped(data: bytes) -> None:
@@ -349,14 +384,14 @@ class Pipe:
 
 
 def test_a_pipe_gives_a_frame_as_soon_as_its_layers_are_there(data: bytes) -> None:
-    """At most the type of the next chunk is read beyond them."""
+    """Nothing is read beyond them."""
     expected = frames_of(data)
     pipe = Pipe(data)
     frames = iter(gsvc_ref.open(pipe))
     for number, frame in enumerate(frames):
         assert frame == expected[number]
         last = frame.chunks[-1]
-        assert pipe.taken <= last.offset + last.size + 1
+        assert pipe.taken <= last.offset + last.size
     assert number == len(TYPES) - 1
 
 
@@ -399,7 +434,9 @@ def test_every_element_is_listed(data: bytes) -> None:
     names = [entry.full_name for entry in entries]
     assert names.count("layer, chunk n, frame 0") == 2
     assert "layer_type, chunk n, frame 1" in names
-    assert "new_splat_count, chunk n, frame 1" in names
+    assert "frame_low, chunk n, frame 1" in names
+    assert names.count("quality_level, chunk H") == 3
+    assert "layer_mask, frame 1" in names
     assert {entry.frame for entry in entries if entry.chunk == "n"} == set(range(len(TYPES)))
     found = next(entry for entry in entries if entry.name == "layer_type" and entry.frame == 3)
     assert place_of(data, found.bit).entry.full_name == "layer_type, chunk n, frame 3"
@@ -439,6 +476,25 @@ def test_damage_to_a_layer_loses_no_frame_of_the_base(data: bytes, damage: Any) 
             assert sum(summary.bits.values()) == 8 * len(damaged)
 
 
+def test_the_layer_that_is_lost_is_named(data: bytes) -> None:
+    """Of damage to a chunk of layer 1 nothing but layer 1 is gone, up to its next I."""
+    whole = frames_of(data)
+    for damage in (torn, without):
+        damaged = damage(data, chunk_number(data, 1, 1))
+        frames = [part for part in gsvc_ref.open(damaged).salvage() if isinstance(part, DecodedFrame)]
+        assert [frame.lacking for frame in frames] == [(), *[(1,)] * 4, (), ()]
+        assert [list(frame.layers.there) for frame in frames] == [[1, 2], *[[2]] * 4, [1, 2], [1, 2]]
+        for part, intact in zip(frames, whole, strict=True):
+            assert part.layers.there[2].splats == intact.layers.there[2].splats
+        assert [frame.lacking for frame in gsvc_ref.open(damaged).info(salvage=True).frames] == [
+            f.lacking for f in frames
+        ]
+        gaps = Gaps()
+        list(gsvc_ref.decode(damaged, on_gap=gaps, on_incomplete=gaps.incomplete))
+        assert len(gaps.found) == 1
+        assert gaps.lines()[-1] == "layer 1 is missing from frames 1 to 4"
+
+
 def test_layers_of_a_lost_frame_are_not_given_to_the_one_before(data: bytes) -> None:
     damaged = torn(data, chunk_number(data, 3, 0))
     frames = [part for part in gsvc_ref.open(damaged).salvage() if isinstance(part, DecodedFrame)]
@@ -461,12 +517,17 @@ def test_one_gap_for_a_layer_that_is_damaged_and_missed(data: bytes) -> None:
 
 def test_what_is_lost_is_known_until_the_layer_begins_anew() -> None:
     state = MainState.initial(8, 8)
-    layers = Layers(2).after("I", state).with_layer(1, state).with_layer(2, state).after("R", state)
-    assert list(layers.there) == [1, 2]
+    layers = Layers(2).after("I", state, (1, 2))
+    assert (layers.due, layers.lacking) == ((1, 2), (1, 2))
+    layers = layers.with_layer(1, state).with_layer(2, state).after("R", state, (1, 2), number=1)
+    assert list(layers.there) == []
+    assert layers.missing(2)
     cut = layers.with_layer(1, state).interrupted()
-    assert (list(cut.there), cut.lost, cut.takes_chunks) == ([1], {2}, False)
-    assert cut.interrupted().there == cut.there
+    assert (list(cut.there), cut.due, cut.lacking, cut.missing(MAX_LAYERS)) == ([1], (2,), (2,), None)
     following = cut.after("P", state)
-    assert (list(following.before), following.lost, following.takes_chunks) == ([1], {2}, True)
-    assert following.with_layer(2, state).lost == set()
+    assert (list(following.there), following.lost, following.lacking) == ([1], {2}, (2,))
+    named = cut.after("P", state, (2,))
+    assert (named.due, named.missing(MAX_LAYERS)) == ((2,), None)
+    assert named.passed(2).lost == {2}
+    assert named.with_layer(2, state).lost == set()
     assert cut.after("I", state).lost == set()
