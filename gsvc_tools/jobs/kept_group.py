@@ -160,7 +160,7 @@ class KeptGroup:
         return (
             EncodedFrame(
                 frame.codes, frame.state, record.psnr, record.iterations, record.stages, record.decisions,
-                record.reason, layers,
+                record.reason, layers=layers,
             ),
             record.seconds,
         )  # fmt: skip
