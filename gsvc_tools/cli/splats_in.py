@@ -23,10 +23,14 @@ if TYPE_CHECKING:
 GSVC_IMPORT: Final = "gsvc import"
 
 WRITE_OPTIONS: Final = (
-    "key_frames", "degenerate", "bit_depth", "level", "cholesky_bits", "color_stages", "color_codewords", "seed",
-    "threads", "checksums",
+    "profile", "quality", "psnr", "refit", "key_frames", "degenerate", "bit_depth", "level", "cholesky_bits",
+    "color_stages", "color_codewords", "seed", "threads", "checksums",
 )  # fmt: skip
 """Options that are arguments of `gsvc_ref.write` of the same name."""
+
+
+CHECKPOINTS: Final = (".pt", ".pth", ".tar", ".ckpt", ".pkl")
+"""How the names of files end that hold objects of Python."""
 
 
 class _SplatFrames(NamedTuple):
@@ -46,7 +50,7 @@ def add_command(commands: Any) -> None:
         "import",
         help="write splats of any trainer as a .gsvc file",
         description="Write splats that were trained elsewhere as a .gsvc file: an NPZ file of all frames, or a PLY "
-        "file as gsplat and 3DGS write it for each frame. Nothing is fitted. Standard error lists what is lost.",
+        "file as gsplat and 3DGS write it for each frame. No picture is needed. Standard error lists what is lost.",
         allow_abbrev=False,
     )
     parser.set_defaults(run=run)
@@ -73,10 +77,29 @@ def add_command(commands: Any) -> None:
         help="splats whose l11 or l22 is not above 0, which cover nothing: refuse them (default), turn signs so that "
         "L L^T stays, for trainers that leave signs open, or remove them",
     )  # fmt: skip
-    splats.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12 (default 12)")
-    splats.add_argument("--color-stages", type=whole, metavar="M", help="stages of the colour quantiser, 1..8 (6)")
-    splats.add_argument("--color-codewords", type=whole, metavar="B", help="codewords of a stage, 1..1024 (32)")
-    splats.add_argument("--seed", type=whole, metavar="S", help="seed of the codebooks")
+    splats.add_argument(
+        "--profile", choices=("main", "paper"),
+        help="main (default): few bits; paper: the quantisers of the paper, for splats of any size and place",
+    )  # fmt: skip
+    splats.add_argument("--seed", type=whole, metavar="S", help="seed of the codebooks, and of the order of rounding")
+    main = parser.add_argument_group("profile main")
+    main.add_argument(
+        "--psnr", type=positive, metavar="DB",
+        help="the least PSNR of each frame against the picture of the splats given (default 48)",
+    )  # fmt: skip
+    main.add_argument("--quality", type=whole, metavar="Q", help="in place of --psnr: how fine codes are, 0 to 79")
+    main.add_argument(
+        "--refit", choices=("all", "colors", "none"),
+        help="how splats of I-frames make up for the rounding of others: in all parameters, by about a step of the "
+        "codes (default), in their colours alone, or not at all",
+    )  # fmt: skip
+    paper = parser.add_argument_group("profile paper", "one of these options chooses it")
+    paper.add_argument("--cholesky-bits", type=whole, metavar="b", help="bits of a Cholesky code, 1..12 (default 12)")
+    paper.add_argument("--color-stages", type=whole, metavar="M", help="stages of the colour quantiser, 1..8")
+    paper.add_argument(
+        "--color-codewords", type=whole, metavar="B",
+        help="codewords of a stage, 1..1024 (default: stages and codewords that pay for the splats of the first frame)",
+    )  # fmt: skip
     stream = parser.add_argument_group("stream")
     stream.add_argument("--level", type=whole, metavar="L", help="level of the stream, 1 to 5 (default: the least)")
     stream.add_argument("--checksums", action="store_true", default=None, help="add a checksum of each frame's splats")
@@ -181,6 +204,11 @@ def _opened(arguments: Namespace, lost: list[str]) -> _SplatFrames:
     if len(inputs) == 1 and inputs[0].suffix.lower() == ".npz":
         splats = NpzSplats(inputs[0])
         return _SplatFrames(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
+    if checkpoint := next((file for file in files if file.suffix.lower() in CHECKPOINTS), None):
+        raise UsageError(
+            f"{checkpoint} is a checkpoint of PyTorch, which is a program to run; docs/splats-in-and-out.md has the lines "
+            "that make an NPZ file of one, under 'Checkpoints of GaussianImage and GSVC'"
+        )
     if wrong := next((file for file in files if file.suffix.lower() != ".ply"), None):
         raise UsageError(
             f"{wrong} is neither one NPZ file nor PLY; give OUT.gsvc last, and files of one kind before it"

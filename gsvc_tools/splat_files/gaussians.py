@@ -3,7 +3,8 @@
 A Gaussian has the centre (x, y, z), the covariance R diag(exp(scale))^2 R^T with the rotation R of a quaternion
 (w, x, y, z), the colour 0.5 + 0.28209479177387814 f_dc with a part `f_rest` that depends on the direction of view, and
 the opacity sigmoid(opacity). Its 2D splat has the centre (x, y), the upper left 2 x 2 part of the covariance, and the
-colour times the opacity.
+colour times the opacity. 2D Gaussian splatting has no `scale_2`, which is then 0 along its normal; a logarithm of -inf
+is an extent of 0, and an opacity of -inf or inf is 0 or 1.
 """
 
 from typing import Any, Final, NamedTuple
@@ -25,9 +26,12 @@ OPACITIES: Final = (1 / 255, 0.99)
 """The range of opacities that are written: viewers leave out what is fainter, and cap what is more."""
 
 NEEDED: Final = (
-    "x", "y", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
-    "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3",
+    "x", "y", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "rot_0", "rot_1", "rot_2", "rot_3",
 )  # fmt: skip
+THIRD: Final = "scale_2"
+"""May be missing, as in files of 2D Gaussian splatting, whose splats have no third extent."""
+LOGARITHMS: Final = ("scale_0", "scale_1", THIRD)
+"""May be -inf: an extent of 0."""
 UNUSED: Final = ("nx", "ny", "nz")
 """Properties that 3DGS writes as zeros."""
 
@@ -58,10 +62,13 @@ def from_gaussians(
             "invalid", f"{name} has no property {missing[0]}; it must have {', '.join(NEEDED)}, as gsplat writes them"
         )
     used = {key: np.asarray(columns[key], np.float64) for key in NEEDED}
+    used[THIRD] = np.asarray(columns.get(THIRD, np.full(len(used["x"]), -np.inf)), np.float64)
     for key, values in used.items():
-        if not np.isfinite(values).all():
-            splat = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise GsvcError("invalid", f"{name}, splat {splat}: {key} is {values[splat]}; it must be a finite number")
+        if (wrong := _wrong(key, values)).any():
+            splat = int(np.flatnonzero(wrong)[0])
+            what = "a number, or -inf for no extent" if key in LOGARITHMS else "a finite number"
+            what = "a number, -inf or inf" if key == "opacity" else what
+            raise GsvcError("invalid", f"{name}, splat {splat}: {key} is {values[splat]}; it must be {what}")
     stacked = {key: _stack(used, key, count) for key, count in (("f_dc_", 3), ("scale_", 3), ("rot_", 4))}
     color = 0.5 + SH_C0 * stacked["f_dc_"]
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
@@ -103,6 +110,13 @@ def to_gaussians(
         "scale_2": np.full(count, np.log(FLAT / pixels_per_unit)),
         "rot_0": np.cos(angle / 2), "rot_1": zeros, "rot_2": zeros, "rot_3": np.sin(angle / 2),
     }  # fmt: skip
+
+
+def _wrong(key: str, values: F8) -> NDArray[np.bool_]:
+    """Which values of a property are no numbers that it can have, (N,): a logarithm and a logit have limits."""
+    if key == "opacity":
+        return np.isnan(values)
+    return np.asarray(~(np.isfinite(values) | (np.isneginf(values) & (key in LOGARITHMS))))
 
 
 def _stack(columns: dict[str, F8], prefix: str, count: int) -> F8:
@@ -149,7 +163,7 @@ def _lost(columns: dict[str, NDArray[Any]], color: F8) -> list[str]:
     )
     if (color < 0).any():
         lost.append("the clamp of colours at 0: those below it are kept, and take light away")
-    known = {*NEEDED, *UNUSED, "z"}
+    known = {*NEEDED, *UNUSED, THIRD, "z"}
     if unknown := [key for key in columns if key not in known and not key.startswith("f_rest_")]:
         lost.append(f"unknown properties: {', '.join(key[:40] for key in unknown[:8])}")
     return lost

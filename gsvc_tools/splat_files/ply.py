@@ -85,7 +85,9 @@ def _header(file: BinaryIO, name: str) -> _Header:
     if lines[1:2] != ["format binary_little_endian 1.0"]:
         said = lines[1] if len(lines) > 1 else "nothing"
         raise GsvcError(
-            "unsupported", f"{name} says {said[:80]!r}; write it as binary_little_endian 1.0, as gsplat and 3DGS do"
+            "unsupported",
+            f"{name} says {said[:80]!r}; write it as binary_little_endian 1.0, as gsplat and 3DGS do: the package "
+            "plyfile does so by PlyData.read(IN), text = False, byte_order = '<' and write(OUT)",
         )
     count, properties = None, []
     for line in lines[2:]:
@@ -94,6 +96,12 @@ def _header(file: BinaryIO, name: str) -> _Header:
             continue
         if words[0] == "element" and count is not None:
             break
+        if words[:2] == ["element", "chunk"]:
+            raise GsvcError(
+                "unsupported",
+                f"{name} is a compressed PLY file of SuperSplat; export it as PLY without compression there, or with "
+                "its command splat-transform, and give that",
+            )
         if words[:2] == ["element", "vertex"] and len(words) == 3 and words[2].isdecimal():
             digits = words[2].lstrip("0") or "0"
             count = int(digits[:18])  # more of them are beyond all limits anyway, and long for int()

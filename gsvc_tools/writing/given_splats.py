@@ -6,10 +6,13 @@ from typing import Any, Final, Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gsvc_base.arrays import F4, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.constants import SMALLEST_NORMAL
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
+from gsvc_ref.bitstream import LEVELS
+from gsvc_ref.bitstream.work import rendering_work
+from gsvc_ref.main.state import X_MOST
 from gsvc_ref.paper.half import LARGEST_HALF
 from gsvc_ref.paper.lsq_parameters import SCALE_FLOOR
 
@@ -51,18 +54,54 @@ class GivenSplats(NamedTuple):
     ids: I8
     """(N,) i8: equal numbers in successive frames are the same splat."""
 
+    def equals(self, other: "GivenSplats | None") -> bool:
+        """Whether another frame has the same splats, with the same ids."""
+        return (
+            other is not None
+            and np.array_equal(self.parameters, other.parameters)
+            and np.array_equal(self.ids, other.ids)
+        )
+
+
+class Limits(NamedTuple):
+    """The least and the largest value of each parameter, (8,) f8 each."""
+
+    low: F8
+    high: F8
+
+    @classmethod
+    def of(cls, positions: F8, color: float) -> "Limits":
+        """Limits of the least and largest x and y, (2, 2), and of the magnitude of a colour."""
+        low, high = (
+            np.concatenate([positions[side], [sign * LARGEST_FACTOR] * 3, [sign * color] * 3])
+            for side, sign in ((0, -1), (1, 1))
+        )
+        return cls(low, high)
+
+    @classmethod
+    def of_paper(cls, width: int, height: int) -> "Limits":
+        """Those of profile `paper`.
+
+        A position is coded as h of fl(fl(h + 1) * half), a colour as a sum of codewords, all of which are binary16.
+        """
+        half = np.array([width / 2, height / 2])
+        return cls.of(np.stack([(1 - LARGEST_HALF) * half, (1 + LARGEST_HALF) * half]), LARGEST_HALF)
+
+    @classmethod
+    def of_main(cls) -> "Limits":
+        """Those of profile `main`: positions of states, to whole pixels."""
+        most = float(X_MOST // 256 - 1)
+        return cls.of(np.array([[-most, -most], [most, most]]), LARGEST_HALF)
+
 
 class GivenFrames:
     """The frames that a caller gives, checked one by one."""
 
-    def __init__(self, frames: Iterable[FrameOfSplats], width: int, height: int, degenerate: Degenerate) -> None:
+    def __init__(self, frames: Iterable[FrameOfSplats], limits: Limits, degenerate: Degenerate) -> None:
         if degenerate not in get_args(Degenerate):
             raise UsageError(f"degenerate is {degenerate!r}; it must be one of {', '.join(get_args(Degenerate))}")
         self._frames, self._degenerate = _iterator(frames), degenerate
-        half = np.array([width / 2, height / 2])
-        # A position is coded as h of fl(fl(h + 1) * half), a colour as a sum of codewords, all of which are binary16.
-        self._low = np.concatenate([(1 - LARGEST_HALF) * half, [-LARGEST_FACTOR] * 3, [-LARGEST_HALF] * 3])
-        self._high = np.concatenate([(1 + LARGEST_HALF) * half, [LARGEST_FACTOR] * 3, [LARGEST_HALF] * 3])
+        self._low, self._high = limits
         self._with_ids: bool | None = None
         self._last_ids, self._next_id = np.empty(0, np.int64), 0
         self.turned = self.removed = 0  # splats so far whose signs were turned, and that were left out
@@ -134,6 +173,21 @@ def turned(parameters: F4) -> F4:
     result[first, COLUMN_L21] *= -1
     result[second, COLUMN_L22] *= -1
     return result
+
+
+def check_level(parameters: F4, number: int, width: int, height: int, level: int) -> None:
+    """Refuse a frame that no level up to this one allows, before anything is rendered."""
+    limits = LEVELS[level]
+    count, work = len(parameters), rendering_work(parameters, width, height)
+    for what, has, most, rule in (
+        ("splats", count, limits.splats, "R-5-2"),
+        ("pairs of rendering work", work, limits.work, "R-5-4"),
+    ):
+        if has > most:
+            higher = "" if level == max(LEVELS) else ", or a higher level"
+            raise UsageError(
+                f"frame {number} has {has} {what}; level {level} allows {most} ({rule}): give fewer{higher}"
+            )
 
 
 def _degenerate(parameters: F4) -> Any:

@@ -1,10 +1,10 @@
 """Writing splats that somebody else has found: frames of splats in, a `.gsvc` stream out."""
 
-from collections.abc import Iterable, Iterator, Sized
+from collections.abc import Iterable, Iterator, Mapping, Sized
 from contextlib import contextmanager, nullcontext
 from shutil import copyfileobj
 from tempfile import TemporaryFile
-from typing import Any, BinaryIO, Final, cast
+from typing import Any, BinaryIO, Final, cast, get_args
 
 from gsvc_base.errors import UsageError
 from gsvc_ref.bitstream import LEVELS, level_for
@@ -12,8 +12,8 @@ from gsvc_ref.encoder.frame_types import TypedFrame
 from gsvc_ref.encoder.loop import encode_frames
 from gsvc_ref.encoder.recording import Recording, StreamPlan, record
 from gsvc_ref.encoder.report import EncodeReport, OnProgress, ProgressReporter
-from gsvc_ref.encoder.settings import PaperSettings
-from gsvc_ref.encoder.settings.common import KeyFrames
+from gsvc_ref.encoder.settings import MainSettings, PaperSettings
+from gsvc_ref.encoder.settings.common import KeyFrames, ProfileName
 from gsvc_ref.encoder.settings.paper import FrameSettings
 from gsvc_ref.encoder.source_and_target import SoundFrames, Target
 from gsvc_ref.paper import RvqSettings
@@ -21,15 +21,20 @@ from gsvc_ref.rendering import Precision
 from gsvc_ref.stream.writer import can_go_back
 from gsvc_ref.training import BlockSettings, FitSettings
 from gsvc_ref.video.format import FrameRate, array_format
-from gsvc_tools.writing.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats
+from gsvc_tools.writing.given_splats import Degenerate, FrameOfSplats, GivenFrames, GivenSplats, Limits
+from gsvc_tools.writing.main_coder import MainSplatCoder
+from gsvc_tools.writing.main_codes import Refit
 from gsvc_tools.writing.splat_coder import SplatCoder
 
-CHOLESKY_BITS: Final = 12
-"""b of a stream that `write` makes, the most that there is: nothing makes up for an error by fitting."""
+PSNR: Final = 48.0
+"""PSNR in dB against the picture of the splats given that frames of profile `main` hold where nothing else is asked
+for: splats that come to 35 dB of a photograph then come to 34.8, and those at 38 dB to 37.6."""
 
-COLOR_STAGES: Final = 6
-COLOR_CODEWORDS: Final = 32
-"""Stages and codewords of `write`: on two fitted pictures colours then erred less than binary16 positions."""
+CHOLESKY_BITS: Final = 12
+"""b of a stream of profile `paper`, the most that there is: nothing makes up for an error by fitting."""
+
+COLORS: Final = (32,) * 6
+"""Codewords of the stages where one number of them is given alone, and the other is not."""
 
 POSITION_STEP: Final = 1 / 64
 """Step of positions in pixels: bits beyond it cost as much as any other and nobody sees them."""
@@ -45,13 +50,17 @@ def write(
     height: int | None = None,
     frame_rate: FrameRate = 25,
     *,
+    profile: ProfileName | None = None,
+    quality: int | None = None,
+    psnr: float | None = None,
+    refit: Refit | None = None,
     bit_depth: int = 8,
     level: int | None = None,
     key_frames: KeyFrames = "auto",
     degenerate: Degenerate = "refuse",
-    cholesky_bits: int = CHOLESKY_BITS,
-    color_stages: int = COLOR_STAGES,
-    color_codewords: int = COLOR_CODEWORDS,
+    cholesky_bits: int | None = None,
+    color_stages: int | None = None,
+    color_codewords: int | None = None,
     lane_count: int = 1,
     index: bool = True,
     checksums: bool = False,
@@ -60,11 +69,10 @@ def write(
     precision: Precision = "fast",
     progress: OnProgress | None = None,
 ) -> EncodeReport:
-    """Write splats of any trainer as a stream; nothing is fitted, they are only quantised.
+    """Write splats of any trainer as a stream: no picture is needed, and each splat stays near the one that was given.
 
     Frames are taken one by one, so that an iterator may have any number of them. Whatever ends it early after at least
-    one complete frame, the frames so far become a valid stream in the target's place, as with `encode`. The stream is
-    of profile `paper`: the encoder of profile `main` finds splats for its own coordinates, and takes none.
+    one complete frame, the frames so far become a valid stream in the target's place, as with `encode`.
 
     Parameters
     ----------
@@ -79,6 +87,17 @@ def write(
         Size of the frames in pixels.
     frame_rate
         Frames per second: a whole number, a Fraction, or a decimal number, which is taken as it is written.
+    profile
+        ``main``: the fewest bits, with each frame as close to the splats given as is asked for. ``paper``: quantisers
+        of the paper, which take splats of any size and place. None: ``main``, or ``paper`` where one of its options
+        is given.
+    quality, psnr
+        Of profile `main`, one of them: 0..79, how fine the codes are, as in `Settings`; or the least PSNR in dB of each
+        decoded frame against the picture of the splats given. Neither: 48 dB.
+    refit
+        Of profile `main`: how splats make up for the rounding of others in I-frames. ``all``, as None: in their
+        positions, shapes and colours, by about a step of the codes. ``colors``: in their colours alone, so that
+        positions and shapes are the nearest to those given. ``none``: each splat is rounded alone.
     bit_depth
         Bits of a sample of the decoded frames, 8 to 16.
     level
@@ -92,11 +111,13 @@ def write(
         ``turn``: a column of L whose l11 or l22 is negative gets the other sign, which leaves the covariance L L^T as
         it is: right for trainers that do not hold l11 and l22 above 0. ``remove``: they are left out.
     cholesky_bits, color_stages, color_codewords
-        b, 1..12; M, 1..8; and B, 1..1024: how finely the Cholesky factors and the colours are quantised.
+        Of profile `paper`: b, 1..12; M, 1..8; and B, 1..1024: how finely the Cholesky factors and the colours are
+        quantised. None: 12 bits, and as many codewords as pay for the splats of the first frame.
     lane_count, index, checksums
         As in `Settings`.
     seed, threads, precision
-        As in `Settings`: seed of the codebooks; threads and precision of the renderer that measures.
+        As in `Settings`: seed of the codebooks, and of which splats are rounded first; threads and precision of the
+        renderer that measures.
     progress
         Called before each frame.
 
@@ -122,16 +143,28 @@ def write(
         raise UsageError("there is no height; give width and height as two numbers, as write(target, frames, 160, 120)")
     video = array_format(width, height, frame_rate, bit_depth)
     level_for(video.width, video.height)  # which refuses frames that no level allows
-    settings = write_settings(
-        cholesky_bits=cholesky_bits, color_stages=color_stages, color_codewords=color_codewords, key_frames=key_frames,
-        lane_count=lane_count, index=index, checksums=checksums, seed=seed, threads=threads, precision=precision,
-    )  # fmt: skip
-    given = GivenFrames(frames_of_splats, video.width, video.height, degenerate)
+    options: dict[str, Any] = {
+        "key_frames": key_frames, "lane_count": lane_count, "index": index, "checksums": checksums, "seed": seed,
+        "threads": threads, "precision": precision,
+    }  # fmt: skip
+    of_main = {"quality": quality, "psnr": psnr, "refit": refit}
+    of_paper = {"cholesky_bits": cholesky_bits, "color_stages": color_stages, "color_codewords": color_codewords}
+    profile = _profile(profile, of_main, of_paper)
     highest = level or max(LEVELS)
-    coder = SplatCoder(settings, video.width, video.height, video.bit_depth, highest)
+    size = video.width, video.height
+    coder: SplatCoder | MainSplatCoder
+    if profile == "main":
+        limits = Limits.of_main()
+        coder = MainSplatCoder(main_settings(quality, psnr, options), *size, video.bit_depth, highest, refit or "all")
+    else:
+        limits = Limits.of_paper(*size)
+        sizes = color_stages is None and color_codewords is None
+        settings = paper_settings(of_paper, options)
+        coder = SplatCoder(settings, *size, video.bit_depth, highest, sizes_codebooks=sizes)
+    given = GivenFrames(frames_of_splats, limits, degenerate)
     reporter = ProgressReporter(progress, len(frames_of_splats) if isinstance(frames_of_splats, Sized) else None)
     plan = StreamPlan(
-        coder, video, highest, least_level=level is None, notes=lambda _: _notes(given), threads=threads,
+        coder, video, highest, least_level=level is None, notes=lambda _: _notes(given, coder), threads=threads,
         wrapped=_correctable if level is None else nullcontext, name="gsvc_ref.write",
     )  # fmt: skip
 
@@ -159,21 +192,42 @@ def _correctable(file: BinaryIO) -> Iterator[BinaryIO]:
         copyfileobj(whole, file)
 
 
-def write_settings(**options: Any) -> PaperSettings:
-    """The settings of `write`: quantisers of values and of differences, and no iteration."""
+def _profile(profile: ProfileName | None, of_main: Mapping[str, Any], of_paper: Mapping[str, Any]) -> ProfileName:
+    """The profile of a stream with these options of either; raises UsageError where one is of another."""
+    if profile not in (None, "main", "paper"):
+        raise UsageError(f"profile is {profile!r}; it must be 'main' or 'paper'")
+    given = [[name for name, value in options.items() if value is not None] for options in (of_main, of_paper)]
+    chosen: ProfileName = profile or ("paper" if given[1] and not given[0] else "main")
+    if wrong := given[chosen == "main"]:
+        other = "paper" if chosen == "main" else "main"
+        raise UsageError(f"{wrong[0]} is an option of profile {other}: leave it out, or give profile={other!r} alone")
+    if of_main["refit"] not in (None, *get_args(Refit)):
+        raise UsageError(f"refit is {of_main['refit']!r}; it must be one of {', '.join(get_args(Refit))}")
+    return chosen
+
+
+def main_settings(quality: int | None, psnr: float | None, options: Mapping[str, Any]) -> MainSettings:
+    """The settings of `write` in profile `main`."""
+    if quality is None and psnr is None:
+        psnr = PSNR
+    return MainSettings(preset="write", quality=quality, psnr=psnr).with_(decisions=False, **options)
+
+
+def paper_settings(quantisers: Mapping[str, int | None], options: Mapping[str, Any]) -> PaperSettings:
+    """The settings of `write` in profile `paper`: quantisers of values and of differences, and no iteration."""
     none = FitSettings(iterations=0, pruning=None, convergence=None)
-    colors = RvqSettings((COLOR_CODEWORDS,) * COLOR_STAGES)
     values = BlockSettings(
-        position_step=POSITION_STEP, cholesky_bits=CHOLESKY_BITS, colors=colors, weigh_by_area=True, quantizer_rate=0.0
-    )
+        position_step=POSITION_STEP, cholesky_bits=CHOLESKY_BITS, colors=RvqSettings(COLORS), weigh_by_area=True,
+        quantizer_rate=0.0,
+    )  # fmt: skip
     differences = values.with_(
         position_step=DIFFERENCE_STEP, cholesky_step=DIFFERENCE_STEP, static_threshold=0.5,
-        colors=RvqSettings(colors.codewords, zero_codeword=True),
+        colors=RvqSettings(COLORS, zero_codeword=True),
     )  # fmt: skip
     settings = PaperSettings(
         preset="write", intra=FrameSettings(none, none, values), inter=FrameSettings(none, none, differences)
     )
-    return settings.with_(decisions=False, **options)
+    return settings.with_(decisions=False, **quantisers, **options)
 
 
 def _typed(frames: Iterable[GivenSplats], key: KeyFrames) -> Iterator[TypedFrame[GivenSplats]]:
@@ -189,11 +243,15 @@ def _typed(frames: Iterable[GivenSplats], key: KeyFrames) -> Iterator[TypedFrame
             yield TypedFrame(number, frame, "P", "predicted")
 
 
-def _notes(given: GivenFrames) -> list[str]:
+def _notes(given: GivenFrames, coder: SplatCoder | MainSplatCoder) -> list[str]:
     """Sentences on splats that were changed or left out."""
     notes = []
     if given.turned:
         notes.append(f"the signs of {given.turned} splats were turned so that l11 and l22 are above 0")
     if given.removed:
         notes.append(f"{given.removed} splats that cover nothing were left out")
+    if isinstance(coder, MainSplatCoder) and coder.left_out:
+        notes.append(
+            f"{coder.left_out} splats that cannot be seen, or have less than half a step of colour, were left out"
+        )
     return notes

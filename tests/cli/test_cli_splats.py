@@ -35,7 +35,7 @@ def decoded(path):
 
 def test_npz_to_a_stream_and_back(npz, tmp_path, capsys):
     out, back, again = (str(tmp_path / name) for name in ("a.gsvc", "b.npz", "c.gsvc"))
-    assert main(["import", str(npz), out]) == 0
+    assert main(["import", str(npz), out, "--profile", "paper"]) == 0
     said = capsys.readouterr()
     assert "3 frames: 1 I, 2 P" in said.out
     assert said.err.count("lost: ") == 1
@@ -48,7 +48,7 @@ def test_npz_to_a_stream_and_back(npz, tmp_path, capsys):
         kept = dict(arrays)
     assert np.array_equal(kept["parameters"], np.concatenate(decoded(out)))
     assert kept["ids"].tolist() == [*range(20)] * 3
-    assert main(["import", back, again, "--json"]) == 0
+    assert main(["import", back, again, "--profile", "paper", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert [frame["type"] for frame in report["frames"]] == ["I", "P", "P"]
     assert report["mean_psnr"] is None or report["mean_psnr"] > 50
@@ -58,7 +58,7 @@ def test_npz_to_a_stream_and_back(npz, tmp_path, capsys):
 
 def test_ply_files_to_a_stream_and_back(npz, tmp_path, capsys):
     out, folder, again = tmp_path / "a.gsvc", tmp_path / "plys", tmp_path / "c.gsvc"
-    assert main(["import", str(npz), str(out), "--quiet"]) == 0
+    assert main(["import", str(npz), str(out), "--profile", "paper", "--quiet"]) == 0
     units = ["--pixels-per-unit", "10", "--origin=-0.5,2"]
     capsys.readouterr()
     assert main(["export", str(out), str(folder), *units, "--json"]) == 0
@@ -68,10 +68,30 @@ def test_ply_files_to_a_stream_and_back(npz, tmp_path, capsys):
     assert "holds PLY files already" in capsys.readouterr().err
     assert main(["import", str(folder), str(again)]) == 2
     assert "give --width and --height" in capsys.readouterr().err
-    assert main(["import", str(folder), str(again), *units, "--width", str(W), "--height", str(H), "--quiet"]) == 0
+    size = ["--width", str(W), "--height", str(H)]
+    assert main(["import", str(folder), str(again), *units, *size, "--profile", "paper", "--quiet"]) == 0
     assert "lost: what hides what" in capsys.readouterr().err
     for a, b in zip(decoded(out), decoded(again), strict=True):
         assert np.abs(a - b).max() < 0.03
+
+
+def test_splats_go_through_profile_main(npz, tmp_path, capsys):
+    out, back, again = (str(tmp_path / name) for name in ("a.gsvc", "b.npz", "c.gsvc"))
+    assert main(["import", str(npz), out, "--psnr", "50", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["header"]["profile"] == 1
+    assert min(frame["psnr"] for frame in report["frames"]) >= 50
+    assert main(["export", out, back, "--quiet"]) == 0
+    assert main(["import", back, again, "--quality", "60", "--refit", "none", "--quiet"]) == 0
+    assert len(decoded(again)) == 3
+    assert main(["import", back, again, "--quality", "60", "--cholesky-bits", "8", "--force"]) == 2
+    assert "cholesky_bits is an option of profile paper" in capsys.readouterr().err
+
+
+def test_a_checkpoint_is_told_from_splats(tmp_path, capsys):
+    (tmp_path / "gaussian_model.pth.tar").write_bytes(b"PK")
+    assert main(["import", str(tmp_path / "gaussian_model.pth.tar"), str(tmp_path / "a.gsvc")]) == 2
+    assert "is a checkpoint of PyTorch" in capsys.readouterr().err
 
 
 def test_one_frame_as_ply(npz, tmp_path, capsys):

@@ -79,10 +79,15 @@ def encode_intra(
 
 def ordered(quantizer: int, codes: IntraCodes, width: int, height: int) -> MainCodes:
     """The I-frame of codes in any order, without those that have no color."""
-    codes = codes.take(np.flatnonzero((codes.colors != 0).any(axis=1)))
-    codes = codes.take(cell_order(codes.cells, width, height))
+    codes = codes.take(coded_order(codes, width, height))
     densities = choose_densities(codes, step_of(quantizer), width, height) if len(codes) else None
     return MainCodes(quantizer, type="I", densities=densities, new=codes)
+
+
+def coded_order(codes: IntraCodes, width: int, height: int) -> I8:
+    """The indices of codes that have a color, in the order of their cells."""
+    colored = np.flatnonzero((codes.colors != 0).any(axis=1))
+    return colored[cell_order(codes.cells[colored], width, height)]
 
 
 def intra_evaluations(settings: IntraSettings) -> int:

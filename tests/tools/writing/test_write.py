@@ -1,4 +1,4 @@
-"""`gsvc_ref.write`: given splats become a stream that every decoder reads, and come back nearly the same."""
+"""`gsvc_ref.write` in profile `paper`: given splats become a stream that every decoder reads, and come back nearly the same."""
 
 from fractions import Fraction
 from io import BytesIO, RawIOBase
@@ -30,6 +30,7 @@ def moved(splats, t):
 
 def written(frames, width=W, height=H, *arguments, **options):
     file = BytesIO()
+    options.setdefault("profile", "paper")
     report = gsvc_ref.write(file, frames, width, height, *arguments, **options)
     return report, file.getvalue()
 
@@ -130,7 +131,7 @@ def test_equal_frames_are_not_rendered(monkeypatch):
     rendered = []
     draw = Renderer.frame
     monkeypatch.setattr(Renderer, "frame", lambda *given: rendered.append(given) or draw(*given))
-    reports = [gsvc_ref.write(BytesIO(), [np.zeros((0, 8))] * count, 16, 16) for count in (1, 40)]
+    reports = [gsvc_ref.write(BytesIO(), [np.zeros((0, 8))] * count, 16, 16, profile="paper") for count in (1, 40)]
     assert reports[1].frame_types == {"I": 1, "R": 39}
     assert {frame.psnr for frame in reports[1].frames} == {reports[0].frames[0].psnr}
     assert len(rendered) == 4  # of each first frame, what was given and what is decoded
