@@ -206,8 +206,8 @@ def _opened(arguments: Namespace, lost: list[str]) -> _SplatFrames:
         return _SplatFrames(splats, inputs * len(splats), splats.width, splats.height, splats.frame_rate)
     if checkpoint := next((file for file in files if file.suffix.lower() in CHECKPOINTS), None):
         raise UsageError(
-            f"{checkpoint} is a checkpoint of PyTorch, which is a program to run; docs/splats-in-and-out.md has the lines "
-            "that make an NPZ file of one, under 'Checkpoints of GaussianImage and GSVC'"
+            f"{checkpoint} is a checkpoint of PyTorch, which is a program to run; docs/splats-in-and-out.md has the "
+            "lines that make an NPZ file of one, under 'Checkpoints of GaussianImage and GSVC'"
         )
     if wrong := next((file for file in files if file.suffix.lower() != ".ply"), None):
         raise UsageError(

@@ -12,11 +12,10 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from gsvc_base.arrays import F4, I8
+from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.portable import log2, power
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import LEVELS
-from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, OnStage
 from gsvc_ref.encoder.held_quality import search_quantizer
 from gsvc_ref.encoder.main.codes import INTRA_LIMITS, limits_of
@@ -26,10 +25,10 @@ from gsvc_ref.encoder.main.frame import LOSSLESS_PSNR, MainFrameEncoder
 from gsvc_ref.encoder.main.intra import coded_order
 from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS, Target
 from gsvc_ref.encoder.settings import MainSettings
-from gsvc_ref.encoder.settings.common import MAX_SPLATS
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.main.codes import SIDES, IntraCodes, MainCodes, modes_of
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.densities import LARGEST_MAGNITUDE
+from gsvc_ref.main.frames import MainState
 from gsvc_ref.main.motion import field_motion
 from gsvc_ref.main.state import N_MOST
 from gsvc_ref.main.tables import QUANTIZERS, step_of
@@ -79,6 +78,8 @@ class MainSplatCoder:
         self.state = self.encoder.state  # the decoder's, after the frames so far
         self.ids = np.empty(0, np.int64)  # of the decoded splats
         self.given: GivenSplats | None = None  # the splats of the frame before as they were given
+        # What splats that were refitted in the last I-frame have beside those that were given then, by id: (M,), (M, 8)
+        self.refits = np.empty(0, np.int64), np.empty((0, 8))
         self.left_out = 0  # splats so far that were not coded, since they cannot be seen
         self.quantizer: int | None = None  # of the frame before, if that has one
         self.intra_bits, self.psnr = 0, math.inf  # of the last I-frame, and of the frame before
@@ -107,6 +108,7 @@ class MainSplatCoder:
         work.check(coded)
         if coded.codes.type == "I":
             self.intra_bits = coded.bits
+            self.refits = work.refits(coded) if self.refit != "none" else self.refits
         if coded.codes.type != "R":
             self.quantizer = coded.codes.quantizer
         self.left_out += len(frame.ids) - len(coded.ids)
@@ -123,12 +125,19 @@ class _Frame:
         self.before, encoder = coder.state, coder.encoder
         self.width, self.height, self.bit_depth = self.before.width, self.before.height, encoder.bit_depth
         splats = Splats.from_array(frame.parameters)
-        self.wanted = encoder.renderer.frame(splats, self.bit_depth)  # (H, W, 3) u1 or u2
+        self.shown = encoder.renderer.frame(splats, self.bit_depth)  # (H, W, 3) u1 or u2
         picture: F4 = encoder.renderer.picture(splats)
         self.target = Target(picture, None, self.settings.threads, self.settings.precision)
         self.codable = _checked(codable(frame.parameters, self.width, self.height), number)
         # (n,): where each splat that stays stands in the state before, and in this frame
         self.old, self.rows = _same(coder.ids, frame.ids, self.codable)
+        self.wanted_z = self.codable.anywhere[self.rows]  # (n, 8), of the splats that stay
+        self.known_refits = np.zeros(self.wanted_z.shape)  # (n, 8)
+        ids, refits = coder.refits
+        if len(ids):
+            place = np.minimum(np.searchsorted(ids, frame.ids[self.rows]), len(ids) - 1)
+            is_known = ids[place] == frame.ids[self.rows]
+            self.known_refits[is_known] = refits[place[is_known]]
         self.fields: dict[int, I8] = {}
 
     def best(self, frame_type: FrameType) -> tuple[_Coded, str | None]:
@@ -141,8 +150,7 @@ class _Frame:
             why = "no splat of the frame before stays" if not len(self.rows) else "no room for more splats in the level"
             return self._searched(self._intra), why
         self.fields = motion_fields(
-            self.before.splats.to_array()[self.old], self.frame.parameters[self.rows], SIDES[1:], self.width,
-            self.height,
+            self.before.splats.to_array()[self.old], self.wanted_z[:, :2], SIDES[1:], self.width, self.height,
         )  # fmt: skip
         inter = self._searched(self._inter)
         if np.array_equal(inter.state.values, self.before.values):
@@ -155,6 +163,14 @@ class _Frame:
         if reaches and self._score(inter) >= self._score(intra):
             return inter, "better than an I-frame"
         return intra, "better than a P-frame"
+
+    def refits(self, coded: _Coded) -> tuple[I8, F8]:
+        """What decoded splats have beside those given, in coordinates (M, 8), with their ids (M,) in rising order."""
+        order, given = np.argsort(coded.ids), np.argsort(self.frame.ids)
+        rows = given[np.searchsorted(self.frame.ids, coded.ids[order], sorter=given)]
+        values, none = coded.state.values[order], np.zeros((len(order), 2), np.int64)
+        decoded = anchors_of(values, none, step_of(coded.codes.quantizer), self.width * self.height).z
+        return coded.ids[order], decoded - self.codable.z[rows]
 
     def check(self, coded: _Coded) -> None:
         """Refuse a frame that misses the PSNR that is to be held."""
@@ -173,17 +189,17 @@ class _Frame:
 
     def _searched(self, make: Callable[[int], _Coded]) -> _Coded:
         """The frame with the step of the settings, or with the coarsest that reaches their PSNR."""
-        settings = self.settings
+        settings, finest = self.settings, _finest(self.codable)
         if settings.quality is not None:
-            return make(QUANTIZERS - 1 - settings.quality)
+            return make(max(QUANTIZERS - 1 - settings.quality, finest))
         assert settings.psnr is not None
         first = self.coder.quantizer
         if first is None:
             error = 3 * self.width * self.height * SQUARE_OF_8_BITS * float(power(10.0, -settings.psnr / 10))
             D = math.sqrt(error / (ROUNDING_ERROR * max(len(self.frame.ids), 1)))
             first = min(range(QUANTIZERS), key=lambda quantizer: abs(step_of(quantizer) - 16 * D))
-        found = search_quantizer(make, first, settings.psnr, TRIES)
-        return found if found.psnr >= settings.psnr else max(found, make(0), key=lambda one: one.psnr)
+        found = search_quantizer(lambda quantizer: make(max(quantizer, finest)), first, settings.psnr, TRIES)
+        return found if found.psnr >= settings.psnr else max(found, make(finest), key=lambda one: one.psnr)
 
     def _intra(self, quantizer: int) -> _Coded:
         """The codes of an I-frame."""
@@ -219,7 +235,7 @@ class _Frame:
         values, step, (codes, new_ids) = self.before.values, step_of(quantizer), new
         motion = field_motion(values, vectors, cell)
         anchors = anchors_of(values[self.old], motion[self.old], step, self.width * self.height)
-        found = nearest_differences(anchors, self.frame.parameters[self.rows])
+        found = nearest_differences(anchors, self.wanted_z, self.known_refits)
         q, removed = np.zeros((len(values), 8), np.int64), np.ones(len(values), np.bool_)
         q[self.old], removed[self.old] = found.q, False
         densities = self._densities(codes, quantizer) if self.before.densities is None else None
@@ -236,15 +252,13 @@ class _Frame:
 
     def _decoded(self, codes: MainCodes, ids: I8, *, is_measured: bool = True) -> _Coded:
         """Codes with what a decoder makes of them."""
-        lanes = self.settings.lane_count
-        codes, body = replace(codes, lane_exponent=lanes.bit_length() - 1), Writer()
-        state = frame_body(body, codes.type, self.before, lanes, MAX_SPLATS, codes).after
-        return _Coded(codes, state, ids, self._psnr(state) if is_measured else 0.0, body.position)
+        codes, state, bits = self.coder.encoder.as_written(codes, self.before)
+        return _Coded(codes, state, ids, self._psnr(state) if is_measured else 0.0, bits)
 
     def _psnr(self, state: MainState) -> float:
         """PSNR in dB of a decoded frame against that of the splats given, at most LOSSLESS_PSNR."""
         shown = self.coder.encoder.renderer.frame(state.splats, self.bit_depth)
-        return min(psnr(self.wanted, shown, (1 << self.bit_depth) - 1), LOSSLESS_PSNR)
+        return min(psnr(self.shown, shown, (1 << self.bit_depth) - 1), LOSSLESS_PSNR)
 
     def _rng(self) -> np.random.Generator:
         """Randomness of the frame: each try begins with the same draws."""
@@ -262,6 +276,12 @@ def _checked(splats: Codable, number: int) -> Codable:
             int(np.flatnonzero(wrong)[0]),
         )
     return splats
+
+
+def _finest(splats: Codable) -> int:
+    """The finest quantizer by which every colour has a code."""
+    largest = 16 * np.abs(splats.z[splats.is_visible, 5:]).max(initial=0.0)
+    return next(quantizer for quantizer in range(QUANTIZERS) if step_of(quantizer) * LARGEST_MAGNITUDE > largest)
 
 
 def _same(decoded: I8, given: I8, splats: Codable) -> tuple[I8, I8]:

@@ -47,12 +47,19 @@ EVALUATIONS: Final = 8
 
 END: Final = 2 * float(log(255.0))  # squared deviations at which a splat ends (9-4)
 MAX_DIAGONAL: Final = float(exp(MAX_LOG))  # largest l11 and l22 in pixels that a state can hold
+MAX_SIDES: Final = 32.0
+"""Larger splats than this many sides of a frame become as large: they cover it evenly, to 1/2000 of their colour."""
+
 
 WORTH: Final = 0.5
 """A group of differences is coded where that takes more than this off the error of its splat, in D^2. Splats of three
 clips that were trained frame by frame took about as many bits at 45 dB with 0.2 to 0.6, and 1 to 4 % more with 1 and
 2."""
 
+STILL: Final = 0.05
+"""A group stays where it was refitted if what was given has changed by a squared length of less than this, in D^2."""
+
+MAX_CHANGE: Final = 20.0  # of ln(l11 / l22), so that exp stays within its range
 SWEEPS: Final = 60  # of the search for a motion field
 LITTLE_WEIGHT: Final = 1e-9  # weight at which a cell of the field stays as it is
 
@@ -61,6 +68,7 @@ class Codable(NamedTuple):
     """Splats within what an I-frame can hold."""
 
     z: F8  # (N, 8), their coordinates
+    anywhere: F8  # (N, 8), those as near to them that a P-frame can hold, beyond the edges as well
     is_visible: NDArray[np.bool_]  # (N,), whether they reach the frame
 
 
@@ -97,20 +105,21 @@ def codable(parameters: F4, width: int, height: int) -> Codable:
     l11 = np.where(moved, np.sqrt(xx), l11)
     l21 = np.where(moved, xy / l11, l21)
     l22 = np.where(moved, np.sqrt(np.maximum(yy - l21 * l21, 0)), l22)
-    return Codable(to_coordinates(_limited(x, y, l11, l21, l22, color, width, height)), visible)
+    most = min(MAX_SIDES * max(width, height), MAX_DIAGONAL)
+    z = to_coordinates(_limited(x, y, l11, l21, l22, color, most))
+    x, y, l11, l21, l22 = parameters[:, :5].astype(np.float64).T
+    anywhere = to_coordinates(_limited(x, y, l11, l21, l22, parameters[:, 5:], most))
+    z[:, :2] = np.clip(z[:, :2], MIN_MARGIN, [width - MIN_MARGIN, height - MIN_MARGIN])
+    return Codable(z, anywhere, visible)
 
 
-def _limited(x: F8, y: F8, l11: F8, l21: F8, l22: F8, color: F8, width: int, height: int) -> F4:
-    """Parameters (N, 8) within the limits of size and shear; l21 / l22 holds where a splat is too large."""
-    smaller = np.clip(l22, MIN_DIAGONAL, MAX_DIAGONAL)
-    l21 = np.clip(
-        l21 * np.minimum(1, smaller / np.maximum(l22, MIN_DIAGONAL)), *(MAX_SHEAR * MAX_DIAGONAL * np.array([-1, 1]))
-    )
+def _limited(x: F8, y: F8, l11: F8, l21: F8, l22: F8, color: F8 | F4, most: float) -> F4:
+    """Parameters (N, 8) within the limits of shear and size; l21 / l22 holds where a splat is too large."""
+    smaller = np.clip(l22, MIN_DIAGONAL, most)
+    l21 = l21 * np.minimum(1, smaller / np.maximum(l22, MIN_DIAGONAL))
+    l21 = np.clip(l21, -MAX_SHEAR * most, MAX_SHEAR * most)
     wider = np.maximum(smaller, np.abs(l21) / MAX_SHEAR)
-    columns = [
-        np.clip(x, MIN_MARGIN, width - MIN_MARGIN), np.clip(y, MIN_MARGIN, height - MIN_MARGIN),
-        np.clip(l11, MIN_DIAGONAL, MAX_DIAGONAL), l21, wider, *(color * (smaller / wider)[:, None]).T,
-    ]  # fmt: skip
+    columns = [x, y, np.clip(l11, MIN_DIAGONAL, most), l21, wider, *(color * (smaller / wider)[:, None]).T]
     return np.stack(columns, axis=1).astype(np.float32)
 
 
@@ -156,12 +165,29 @@ class Differences(NamedTuple):
     error: float  # the squared error that they leave, of each splat alone, in D^2
 
 
-def nearest_differences(anchors: Anchors, given: F4) -> Differences:
-    """The differences that are worth their bits and bring splats closest to those given, (N, 8) f4.
+def nearest_differences(anchors: Anchors, z: F8, refits: F8) -> Differences:
+    """The differences that are worth their bits and bring splats closest to the coordinates z (N, 8).
+
+    A group stays where it is by `refits` (N, 8) that its splat is not where it was given.
 
     As in `nearest_codes`, y compensates for what x lacks along the splat, and the shear is that which holds l21 / l11.
     """
-    z, start, steps = to_coordinates(given), anchors.z, anchors.steps
+    exact, whole = _differences(anchors, z)
+    moved, _ = _differences(anchors, z + refits)
+    error = 0.0
+    for _, first, end in GROUPS:
+        square, since, left = (
+            np.cumsum(part[:, first:end] ** 2, axis=1)[:, -1] for part in (exact, moved, exact - whole)
+        )
+        is_idle = (square <= WORTH + left) | (since <= STILL)
+        whole[is_idle, first:end] = 0
+        error += float(np.cumsum(np.where(is_idle, square, left))[-1]) if len(z) else 0.0
+    return Differences(whole.astype(np.int64), error)
+
+
+def _differences(anchors: Anchors, z: F8) -> tuple[F8, F8]:
+    """The differences (N, 8) to coordinates z (N, 8), and the whole ones next to them."""
+    start, steps = anchors.z, anchors.steps
     exact, whole = np.zeros(z.shape), np.zeros(z.shape)
 
     def set_nearest(k: int, difference: F8, step: F8 | float) -> F8:
@@ -169,35 +195,30 @@ def nearest_differences(anchors: Anchors, given: F4) -> Differences:
         whole[:, k] = np.clip(np.floor(exact[:, k] + 0.5), -MAX_DIFFERENCE, MAX_DIFFERENCE)
         return whole[:, k] * step
 
-    along = given[:, 3].astype(np.float64) / given[:, 2]
     lacks = start[:, 0] + set_nearest(0, z[:, 0] - start[:, 0], steps[:, GX]) - z[:, 0]
+    along = z[:, 4] * exp(np.clip(-ROOT2 * z[:, 3], -MAX_CHANGE, MAX_CHANGE))  # l21 / l11
     y = z[:, 1] + along * lacks - start[:, 1] - steps[:, GS] * whole[:, 0]
     set_nearest(1, y, steps[:, GY])
     set_nearest(2, z[:, 2] - start[:, 2], steps[:, LOG_SIZE])
     turned = set_nearest(3, z[:, 3] - start[:, 3], steps[:, LOG_SIZE])
-    change = np.clip(ROOT2 * (start[:, 3] + turned - z[:, 3]), -20, 20)
+    change = np.clip(ROOT2 * (start[:, 3] + turned - z[:, 3]), -MAX_CHANGE, MAX_CHANGE)
     shear = np.clip(z[:, 4] * exp(change), -S_MOST / 1024, S_MOST / 1024)
-    set_nearest(4, shear - start[:, 4] * exp(np.clip(ROOT2 * turned, -20, 20)), steps[:, SHEAR])
+    kept = start[:, 4] * exp(np.clip(ROOT2 * turned, -MAX_CHANGE, MAX_CHANGE))
+    set_nearest(4, shear - kept, steps[:, SHEAR])
     for k in range(5, 8):
         set_nearest(k, z[:, k] - start[:, k], anchors.D)
-    error = 0.0
-    for _, first, end in GROUPS:
-        square = np.cumsum(exact[:, first:end] ** 2, axis=1)[:, -1]
-        left = np.cumsum((exact[:, first:end] - whole[:, first:end]) ** 2, axis=1)[:, -1]
-        is_idle = square <= WORTH + left
-        whole[is_idle, first:end] = 0
-        error += float(np.cumsum(np.where(is_idle, square, left))[-1]) if len(z) else 0.0
-    return Differences(whole.astype(np.int64), error)
+    return exact, whole
 
 
-def motion_fields(reference: F4, given: F4, cells: tuple[int, ...], width: int, height: int) -> dict[int, I8]:
-    """A field of vectors (rows, columns, 2) i8 for each side of a cell, close to the motion of splats (N, 8) f4.
+def motion_fields(reference: F4, to: F8, cells: tuple[int, ...], width: int, height: int) -> dict[int, I8]:
+    """A field of vectors (rows, columns, 2) i8 for each side of a cell, close to the motion of splats.
 
+    `reference` (N, 8) f4 are the splats before they move, and `to` (N, 2) f8 is where they go, in pixels.
     Motions are weighed by what they cost the picture. That of the largest cells begins at rest, each other one with the
     one before, and cells in which no splat stands stay as they were.
     """
     points, weights = reference[:, :2].astype(np.float64), curvatures(reference)
-    motion = UNITS * (given[:, :2].astype(np.float64) - points)
+    motion = UNITS * (to - points)
     fields: dict[int, I8] = {}
     if not (np.abs(motion) >= 0.5).any():
         return fields

@@ -141,6 +141,14 @@ class MainFrameEncoder:
         (splats,) = decided
         self.intra_splats = min(max(1, splats), self.most)
 
+    def as_written(self, codes: MainCodes, before: MainState) -> tuple[MainCodes, MainState, int]:
+        """Codes in their lanes, the state after them, and about the bits of their body."""
+        body, present = Writer(), codes.type == "I" or codes.quantizer != before.quantizer
+        codes = replace(codes, quantizer_present=present, lane_exponent=0)
+        state = frame_body(body, codes.type, before, self.max_lane_exponent, MAX_SPLATS, codes).after
+        exponent = self.settings.lane_exponent(body.position, self.max_lane_exponent)
+        return replace(codes, lane_exponent=exponent), state, body.position
+
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
         state = self.state
@@ -352,12 +360,8 @@ class MainFrame:
 
     def _decoded(self, codes: MainCodes, field: Field | None = None) -> _Coded:
         """The codes, in their lanes and with what a decoder makes of them."""
-        body, state_before, most = Writer(), self.state, self.encoder.max_lane_exponent
-        present = codes.type == "I" or codes.quantizer != state_before.quantizer
-        codes = replace(codes, quantizer_present=present, lane_exponent=0)
-        state = frame_body(body, codes.type, state_before, most, MAX_SPLATS, codes).after
-        codes = replace(codes, lane_exponent=self.settings.lane_exponent(body.position, most))
-        return _Coded(codes, state, min(self._psnr_of(state), LOSSLESS_PSNR), body.position, field)
+        codes, state, bits = self.encoder.as_written(codes, self.state)
+        return _Coded(codes, state, min(self._psnr_of(state), LOSSLESS_PSNR), bits, field)
 
     def _psnr_of(self, state: MainState) -> float:
         """PSNR of a decoded frame, in dB."""

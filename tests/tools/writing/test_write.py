@@ -1,4 +1,4 @@
-"""`gsvc_ref.write` in profile `paper`: given splats become a stream that every decoder reads, and come back nearly the same."""
+"""`gsvc_ref.write` in profile `paper`: given splats become a stream that every decoder reads."""
 
 from fractions import Fraction
 from io import BytesIO, RawIOBase
