@@ -61,7 +61,7 @@ def write(
     cholesky_bits: int | None = None,
     color_stages: int | None = None,
     color_codewords: int | None = None,
-    lane_count: int = 1,
+    lane_count: int | str | None = None,
     index: bool = True,
     checksums: bool = False,
     seed: int = 0,
@@ -144,9 +144,9 @@ def write(
     video = array_format(width, height, frame_rate, bit_depth)
     level_for(video.width, video.height)  # which refuses frames that no level allows
     options: dict[str, Any] = {
-        "key_frames": key_frames, "lane_count": lane_count, "index": index, "checksums": checksums, "seed": seed,
-        "threads": threads, "precision": precision,
-    }  # fmt: skip
+        "key_frames": key_frames, "index": index, "checksums": checksums, "seed": seed, "threads": threads,
+        "precision": precision,
+    } | ({} if lane_count is None else {"lane_count": lane_count})  # fmt: skip
     of_main = {"quality": quality, "psnr": psnr, "refit": refit}
     of_paper = {"cholesky_bits": cholesky_bits, "color_stages": color_stages, "color_codewords": color_codewords}
     profile = _profile(profile, of_main, of_paper)
