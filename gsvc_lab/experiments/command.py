@@ -34,8 +34,9 @@ NAMES: Final = (
     "rate_control",
     "time",
     "sizes",
+    "own_splats",
 )
-"""The experiments in the order of the paper, and one that it lacks; each is the module of that name."""
+"""The experiments in the order of the paper, and two that it lacks; each is the module of that name."""
 
 FOLDER: Final = Path("experiments/results")
 
