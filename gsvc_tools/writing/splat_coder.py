@@ -1,4 +1,4 @@
-"""The coding of splats in profile `paper` as they are given: nothing is fitted, and the quantisers are learned from the splats alone.
+"""The coding of splats in profile `paper` as they are given: nothing is fitted, and quantisers learn from them alone.
 
 An I-frame quantises the splats. A P-frame quantises the differences of those that the frame before has, from the
 *decoded* frame before, and the splats that it has not. Steps of differences follow the error that the last I-frame was
