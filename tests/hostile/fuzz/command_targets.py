@@ -50,8 +50,8 @@ STREAMS: Final[dict[str, Ways]] = {
 
 IMPORTS: Final[Ways] = (
     ("OUT.gsvc", "--width", "16", "--height", "16"),
-    ("OUT.gsvc", "--width", "16", "--height", "16", "--degenerate", "remove", "--json"),
-    ("OUT.gsvc", "--width", "16", "--height", "16", "--degenerate", "turn", "--key-frames", "1"),
+    ("OUT.gsvc", "--width", "16", "--height", "16", "--degenerate", "remove", "--profile", "paper", "--json"),
+    ("OUT.gsvc", "--width", "16", "--height", "16", "--degenerate", "turn", "--key-frames", "1", "--quality", "30"),
     ("OUT.gsvc", "--level", "1", "--quiet"),
 )
 SCENES: Final[Ways] = (
