@@ -1,5 +1,7 @@
 """Damaged streams of profile `main`: the library and the code of spec.md find the same fault, or none."""
 
+from dataclasses import replace
+
 import pytest
 
 from gsvc_base.errors import GsvcError
@@ -31,19 +33,22 @@ def test_damages(name: str, step: int) -> None:
 
 FAULTS = {
     "quantizer beyond 79": (Lie("quantizer", 80), "R-3.2-1"),
-    "reserved bits": (Lie("frame_reserved", 1), "R-3.2-1"),
+    "reserved lanes": (Lie("lane_exponent", 13), "R-3.2-1"),
+    "tools of tomorrow": (Lie("main_tools", 1), "R-3.2-1"),
+    "no quantizer": (Lie("quantizer_present", 0), "R-15.5-5"),
     "more lanes than the header says": (Lie("lane_exponent", 3), "R-15.5-1"),
     "a field in an I-frame": (Lie("motion_cell", 1), "R-15.5-2"),
-    "splats without densities": (Lie("densities_present", 0), "R-15.5-3"),
-    "too many splats": (Lie("splat_count", 1 << 14 | 1), "R-5-2"),
-    "too many with those before": (Lie("new_splat_count", 1 << 14), "R-5-2"),
+    "splats without densities": (Lie("splat_number", lambda number: number - 1), "R-15.5-3"),
+    "too many splats": (Lie("splat_number", 1 << 15), "R-5-2"),
+    "too many with those before": (Lie("splat_number", (1 << 15) - 1, 1), "R-5-2"),
     "a lane below 2^16": (Lie("lane_state", lambda states: states * 0 + 65535), "R-6.6-5"),
     "a word too few": (Lie("word", lambda words: words[:-1]), "R-7-1"),
     "a word too many": (Lie("word", lambda words: [*words, 0]), "R-7-1"),
-    "a byte too many": (Lie("word", lambda words: words.tobytes() + b"\0"), "R-6.2-3"),
+    "a byte too many": (Lie("raw_byte", lambda data: b"\0" + data), "R-7-1"),
+    "a byte too few": (Lie("raw_byte", lambda data: data[1:]), "R-7-1"),
     "skipped bits": (Lie("align", 1), "R-3.1-4"),
     "a wrong checksum": (Lie("parameter_checksum", 0), "R-6.4-3"),
-    "layers beyond 4": (Lie("layer_count", 5), "R-6.3-1"),
+    "layers beyond 4": (Lie("layer_count", 5), "R-3.2-1"),
     "a profile that is not known": (Lie("profile", 2), "R-3.2-1"),
 }
 
@@ -61,8 +66,8 @@ def test_faults(name: str) -> None:
 
 
 def test_new_splats_need_densities_since_the_last_i_frame() -> None:
-    codes = [*codes_of("I", count=0), *codes_of("P", count=3)]
-    data = write_stream(HEADER, codes, lies=[Lie("densities_present", 0, 1)])
+    codes = [*codes_of("I", count=0), replace(codes_of("P", count=3)[0], quantizer_present=True)]
+    data = write_stream(HEADER, codes, lies=[Lie("splat_number", lambda number: number - 1)])
     ours, theirs = both(data)
     assert ours == theirs
     assert ours[2].split(" ")[:2] == ["invalid", "R-15.5-4"]
