@@ -1,4 +1,4 @@
-/* Constants of GSVC 1.0-draft.1, by spec.md. Do not edit: `gsvc-conformance syntax --write` writes this file.
+/* Constants of GSVC 1.0-draft.2, by spec.md. Do not edit: `gsvc-conformance syntax --write` writes this file.
  * C99 or C++17: numbers with a fraction are hexadecimal, so that they have all their bits.
  */
 #ifndef GSVC_H

@@ -33,7 +33,7 @@ PACKED: Final = Path(__file__).with_name("vectors.zip")
 VECTORS: Final = PACKED if PACKED.exists() else Path(__file__).parents[2] / "vectors"
 SUMS: Final = "SHA256SUMS"
 MANIFEST: Final = "manifest.json"
-SPEC_VERSION: Final = "1.0-draft.1"
+SPEC_VERSION: Final = "1.0-draft.2"
 ERROR_MODEL: Final = "fp32/1"
 FIELDS: Final[Schema] = {
     **dict.fromkeys(("id", "tier", "operation", "class", "title", "reason"), (TEXT, NEEDED)), "profile": (TEXT, ANY),
