@@ -14,6 +14,7 @@ from gsvc_conformance.diagnosis.streams import elements_named
 from gsvc_conformance.expectations import Expectation, Rate, Refusal
 from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
+from gsvc_conformance.level import header_payload
 from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
 from gsvc_conformance.profiles import stated_profile
@@ -25,10 +26,10 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 PROFILE_REASONS: Final[Mapping[str, Sequence[list[str]]]] = {
-    "main": ([], ["R-5-6"], ["R-5-6", "96"], ["R-3.2-1", "96"]),
-    "paper": (["R-5-6"], ["R-5-6", "96"]),
+    "main": ([], ["R-5-6"], ["R-5-6", "profile"], ["R-3.2-1", "profile"]),
+    "paper": (["R-5-6"], ["R-5-6", "profile"]),
 }
-"""What follows `unsupported` where a stream of a profile is refused for its profile, at byte 12 (R-5-6)."""
+"""What follows `unsupported` where a stream of a profile is refused for its profile, with the bit of that element."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,10 +348,17 @@ def _refusal_as_unsupported(vector: Vector, outputs: Values, *, allowed: bool) -
         given = outputs[name]
         if not isinstance(expected, Refusal) or not isinstance(given, str) or given.split()[:1] != ["unsupported"]:
             continue
-        if allowed or given.split()[1:] in PROFILE_REASONS.get(vector.profile, ()):
+        reason = ["profile" if word == _profile_bit(vector) else word for word in given.split()[1:]]
+        if allowed or reason in PROFILE_REASONS.get(vector.profile, ()):
             others = [value for other, value in outputs.items() if other != name]
             return f"{name} is {given!r}" if all(map(_is_nothing, others)) else ""
     return ""
+
+
+def _profile_bit(vector: Vector) -> str:
+    """The offset of `profile`, the first element of the sequence header: 96, unless `chunk_length` has two bytes."""
+    streams = [value for value in vector.inputs.values() if isinstance(value, bytes)]
+    return str(8 * (len(streams[0]) - len(header_payload(streams[0])))) if streams else ""
 
 
 def _is_nothing(value: object) -> bool:

@@ -58,7 +58,8 @@ def test_vectors_with_every_optimisation(results, operation):
 
 
 def test_rules_and_offsets_are_right(results):
-    refused = Counter(output.refused for result in results for output in result.outputs if output.refused)
+    own = [result for result in results if result.profile != "paper"]
+    refused = Counter(output.refused for result in own for output in result.outputs if output.refused)
     assert set(refused) == {"rule and bit"}
 
 

@@ -13,6 +13,7 @@ from gsvc_base.errors import UsageError
 from gsvc_conformance.implementations import ModuleImplementation, from_namespace, load_module
 from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.runner import judge_outputs
+from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder
 
 
@@ -197,6 +198,20 @@ def test_only_a_stream_above_the_level_may_be_refused_as_unsupported_and_without
     result = judge_outputs(vector, {"count": np.asarray(count, "<i8"), "error": error}, level=level)
     assert result.outcome == outcome
     assert (result.level, result.tier) == (3, "core")
+
+
+@pytest.mark.parametrize(
+    ("case", "bit", "outcome"),
+    [
+        ("header_of_1024_bytes", 104, "unsupported"),
+        ("header_of_1024_bytes", 96, "fail"),
+        ("empty_frames", 96, "unsupported"),
+    ],
+)
+def test_a_stream_of_another_profile_is_refused_where_that_element_stands(case, bit, outcome):
+    vector = next(VectorFolder(VECTORS).read([f"core/reconstruct_stream/{case}"]))
+    nothing = {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32)}
+    assert judge_outputs(vector, {**nothing, "error": f"unsupported R-5-6 {bit}"}).outcome == outcome
 
 
 def test_a_right_answer_above_the_level_is_a_pass(folder):
