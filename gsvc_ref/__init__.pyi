@@ -25,6 +25,7 @@ from gsvc_ref.main.operations import model_frequencies as model_frequencies
 from gsvc_ref.main.operations import motion_of_splats as motion_of_splats
 from gsvc_ref.main.operations import splat_classes as splat_classes
 from gsvc_ref.main.operations import state_parameters as state_parameters
+from gsvc_ref.main.operations import window_frequencies as window_frequencies
 from gsvc_ref.main.passes import encode_run as encode_run
 from gsvc_ref.paper import commitment as commitment
 from gsvc_ref.paper import from_half as from_half

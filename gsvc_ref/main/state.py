@@ -136,7 +136,7 @@ def _find_work(state: I8, width: int, height: int, halvings: int, filtered: int)
 @kernel(inline=True)
 def _reach(v: int) -> int:
     """The reach of a deviation of 2^(v/1024) pixels in 1/256 pixel, rounded up: E_x and e of (5-2)."""
-    return ((EXP2[v & (OCTAVE - 1)] * MAIN_REACH) >> (21 - (v >> 10))) + 1
+    return int((EXP2[v & (OCTAVE - 1)] * MAIN_REACH) >> (21 - (v >> 10))) + 1
 
 
 @kernel(inline=True)
