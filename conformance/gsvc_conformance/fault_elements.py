@@ -11,6 +11,8 @@ from typing import Final
 from gsvc_base.document import PATH
 
 OFFSETS: Final = {
+    "chunk_bit + 8": "chunk_length", "type_bit": "layer_type", "level_bit": "level", "bits[-1]": "quality_level",
+    "bit": "quality_level",
     "chunk_bit": "chunk_type", "frame_count_bit": "frame_count", "map_bit": "survivor_map", "table_bit": "frequency",
     "first_bit": "frame_number_step", "word_bit": "word", "state_bit": "lane_state", "start": "position_high",
     'frame["checksum_bit"]': "parameter_checksum",
@@ -31,6 +33,7 @@ FORWARDED: Final = ("read_splat_count", "read_symbol")
 
 _READ: Final = re.compile(r"\b[ps]\.(?:u|le|uv|eg|f16|f32|raw)\(|= read_(?:splat_count|symbol)\(")
 _TARGET: Final = re.compile(r'^\s*(?:if |elif )?(?:self\.)?(?:\w+\[")?(\w+)(?:"\])?(?: \+?= |\.append\()')
+_LIMIT: Final = re.compile(r"check_limit\(.*, (\w+), state\)$")
 _RAISE: Final = re.compile(r"raise Fault\(.*, (.*?)\)$")
 
 
@@ -54,6 +57,8 @@ def _raised(frames: list[tuple[FrameType, int]], lines: list[str]) -> str:
     """The element of a fault that was raised behind an element: by the offset, or the last one read before."""
     frame, number = frames[-1]
     offset = _RAISE.search(lines[number - 1])
+    if frame.f_code.co_name == "check_limit":  # whose caller names the offset
+        offset = _LIMIT.search(lines[frames[-2][1] - 1])
     if offset and offset[1] not in ("p.element", "s.element"):
         return next((name for variable, name in OFFSETS.items() if offset[1].startswith(variable)), "")
     before = range(number - 1, frame.f_code.co_firstlineno - 1, -1)

@@ -5,9 +5,11 @@ import json
 
 import pytest
 
+from gsvc_base.draws import Draws
 from gsvc_base.errors import GsvcError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.cases.faults import overview, rich
+from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
 from gsvc_conformance.commands import check
 from gsvc_conformance.commands.check import REFERENCE, SPEC, Frame, examine, least_level, sentence
 from gsvc_conformance.diagnosis.streams import element_at
@@ -73,16 +75,42 @@ def test_layers_are_read(tmp_path, capsys):
     """A layer that repeats takes the frame beyond its level, by both decoders; at the next one it is legal."""
     finding = examine("x", growing("the base grows", 1))
     assert (finding.error.split()[:2], finding.element, finding.other) == (["limit", "R-5-2"], "layer_type", "")
+    assert (finding.legal, finding.quality, finding.layer) == (False, 0, 1)
     assert finding.message == "with layer 1 repeated the frame has 16510 splats; level 1 allows 16384"
     finding = examine("x", growing("the base grows", 2))
     assert finding.legal
     assert finding.least_level == 2
-    assert [(frame.splats, frame.base[0]) for frame in finding.frames] == [(16010, 10), (16510, 510)]
+    assert [frame.splats for frame in finding.frames] == [16010, 16510]
+    assert finding.quality == 2
 
 
-def test_the_seconds_of_a_stream_with_layers_count_the_base():
+def test_the_seconds_of_a_stream_count_all_layers():
     header = {"width": 4, "height": 4, "flags": 2, "frame_rate_numerator": 100, "frame_rate_denominator": 1}
-    assert least_level(header, (Frame("I", 12_000, 1, 9, (100, 1)),) * 100, 9) == 1
+    assert least_level(header, (Frame("I", 12_000, 1, 9),) * 100, 9) == 2
+
+
+def test_the_greatest_legal_quality_is_told(tmp_path, capsys):
+    """Each quality is decoded (R-13-9): a chunk of layer 2 that is missing leaves quality 1 legal."""
+    lost = [(entry.frame, entry.layer) for entry in LAYERS if entry.layer == 2][:1]
+    for missing, told in (
+        ([], "legal of every quality up to 3, class stream"),
+        (lost, "legal of quality 1; with layer 2 refused"),
+    ):
+        data = with_layers(Draws(19), BASE, LAYERS, lost=missing)
+        path = tmp_path / "a.gsvc"
+        path.write_bytes(data)
+        assert main(["check", str(path)]) == (1 if missing else 0)
+        assert told in capsys.readouterr().out
+        finding = examine("x", data)
+        assert (finding.quality, finding.layer) == ((1, 2) if missing else (3, None))
+        assert finding.other == ""
+    assert finding.error.split()[1] == "R-15.13-6"
+
+
+def test_bytes_of_layers_are_those_of_their_frames():
+    data = with_layers(Draws(19), BASE, LAYERS)
+    first = namespace()["open_stream"](data)[0].position() // 8
+    assert sum(frame.bytes for frame in examine("x", data).frames) == len(data) - first - 14
 
 
 def test_without_gsvc_ref_the_decoder_of_spec_md_is_asked(monkeypatch, tmp_path, capsys):

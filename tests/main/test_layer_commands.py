@@ -1,6 +1,7 @@
 """Streams with layers joined and cut, and the commands that know layers."""
 
 import json
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 
@@ -10,11 +11,14 @@ import pytest
 import gsvc_ref
 from gsvc_base.errors import UsageError
 from gsvc_ref import spec
+from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.bitstream.header import MAIN, Quality
 from gsvc_ref.cli import main
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.video import open_video
-from tests.main.material import stream_of
+from gsvc_tools.editing.cutting import up_to
+from tests.main.material import stream_of, with_payload
 from tests.main.test_main_layers import TYPES, layered
 
 
@@ -80,6 +84,40 @@ def test_concatenation(data: bytes) -> None:
         assert parameters(target.getvalue(), layer) == (
             [count for counts, _ in parts for count in counts], b"".join(values for _, values in parts),
         )  # fmt: skip
+
+
+def test_numbers_of_frames_are_raised_in_layers_too(data: bytes) -> None:
+    """`frame_low` follows `frame_number`, from 15 to 0 as well; one that was wrong stays wrong (R-6.10-3, R-6.10-8)."""
+    target = BytesIO()
+    gsvc_ref.concat([data, data, data], target)
+    joined = target.getvalue()
+    number, lows = -1, []
+    for kind, payload in split_chunks(joined):
+        number += kind in (b"I", b"P", b"R")
+        if kind == b"n":
+            lows.append((number, payload[0] & 15))
+    assert all(low == number % 16 for number, low in lows)
+    assert max(number for number, _ in lows) > 15
+    part = BytesIO()
+    gsvc_ref.cut(joined, part, start=14)
+    assert parameters(part.getvalue(), 2) == parameters(data, 2)
+    wrong = with_payload(data, 2, lambda p: bytes([p[0] ^ 1]) + p[1:])
+    assert gsvc_ref.reconstruct_layers(wrong, 2).error.split()[1] == "R-15.13-4"
+    joined_wrong = BytesIO()
+    gsvc_ref.concat([data, wrong], joined_wrong)
+    assert gsvc_ref.reconstruct_layers(joined_wrong.getvalue(), 2).error.split()[1] == "R-15.13-4"
+
+
+def test_a_cut_keeps_what_its_qualities_promise() -> None:
+    points = (Quality(1, 1), Quality(1, 1), Quality(2))
+    header = SequenceHeader(profile=MAIN, level=2, width=600, height=300, layer_count=3, qualities=points)
+    assert up_to(header, 2) == header
+    one = up_to(header, 1)  # at full size it asks for level 2
+    assert (one.level, one.operating_points) == (2, (Quality(1, 1), Quality(2, 1)))
+    assert (up_to(header, 0).level, up_to(header, 0).operating_points) == (2, ())
+    whole = replace(header, width=60, height=30, qualities=(Quality(1), Quality(1), Quality(2)))
+    assert (up_to(whole, 1).level, up_to(whole, 1).qualities) == (1, ())
+    assert up_to(whole, 0).level == 1
 
 
 def test_streams_of_other_numbers_of_layers_are_not_joined(data: bytes) -> None:

@@ -222,6 +222,16 @@ def layers_carried_and_inheriting_by_turns() -> Inputs:
     assert len(result(expected, "counts")) == 18
 
 
+@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
+def past_of_a_carried_layer() -> Inputs:
+    """A P-frame changes splats of a layer and adds some, the next one carries all of them, and then nothing is past."""
+    plans = Plan("I", 2), *[Plan("P", 1)] * 3
+    p = Plan("P", 6, kind="any", own=False)
+    layers = LayerPlan(0, 1, Plan("I", 12)), LayerPlan(1, 1, p), LayerPlan(3, 1, p)
+    expected = yield {"stream": with_layers(Draws(28), plans, layers), "layer": 1}
+    assert result(expected, "error") == ""
+
+
 @case("core", "reconstruct_layers", rules=["R-15.13-1"])
 def a_mask_beyond_layer_count() -> Inputs:
     """Bits of layers that the stream does not have say nothing: an editor that drops layers leaves them."""
