@@ -1,8 +1,8 @@
 """Kernels that read the passes and the raw bits of a frame (spec.md section 15.6).
 
 Each kernel that reads symbols returns whether the words sufficed; where they did not (R-7-1), nothing that was read
-is of use. intra.py, predicted.py and run.py read what `code_intra`, `code_predicted` and `code_run` of gsvc_ref.main.frames
-write and make.
+is of use. intra.py, predicted.py and run.py read what `code_intra`, `code_predicted` and `code_run` of
+gsvc_ref.main.frames write and make.
 """
 
 from collections.abc import Sequence
