@@ -412,6 +412,15 @@ def operating_points_of_smaller_sizes(value: int) -> Inputs:
     assert result(expected, "error") == ""
 
 
+@case("uncommon", "reconstruct_layers", rules=["R-5-9"], flags=["limit"])
+def work_of_an_operating_point_at_half_size() -> Inputs:
+    """513 splats of the base cover 256x256 pixels, more than level 1 allows, and at half size a quarter of it."""
+    points = {"level": 2, "layer_count": 2, "qualities": ((1, 1), (2, 0))}
+    stream = with_layers(Draws(0), [covering(513)], [LayerPlan(0, 1, covering(1))], **SIZE, **points)
+    expected = yield {"stream": stream, "layer": 0}
+    assert result(expected, "error") == ""
+
+
 @case("uncommon", "reconstruct_layers", rules=["R-5-9"])
 def operating_points_of_many_levels() -> Inputs:
     """Four qualities, from level 1 at full size to level 5 at an eighth of it."""

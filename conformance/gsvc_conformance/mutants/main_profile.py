@@ -423,7 +423,7 @@ LAYERS: tuple[Mutant, ...] = (
          "    motion = np.zeros((len(main.splats), 2), np.int64)\n")),
     mutant(AREA, "layers-carried-with-their-past", "carried layers that keep what was done with their splats before",
         ("    other.past = np.zeros_like(main.past)\n", "")),
-    mutant(AREA, "layers-carried-unclipped", "carried layers whose past is that of changed splats",
+    mutant(AREA, "layers-carried-as-changed", "carried layers whose past is that of changed splats",
         ("    other.past = np.zeros_like(main.past)\n", "    other.past = np.ones_like(main.past)\n")),
     mutant(AREA, "field-not-inherited", "motion_cell 0 of a layer taken for no field",
         ("    main.inherited = layers.moves\n", "")),
