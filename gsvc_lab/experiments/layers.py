@@ -77,9 +77,11 @@ def measured(clip: PlanarClip, run: Run, folder: Path) -> tuple[Curve, list[Laye
     """The curve of single layers of a clip, and the clip in layers."""
 
     def encoded(**settings: object) -> EncodeReport:
-        return gsvc_ref.encode(
-            (clip.frames(), clip.format), folder / "clip.gsvc", MAIN.settings(threads=run.threads, **settings)
-        )
+        settings["threads"] = run.threads
+        report = gsvc_ref.encode((clip.frames(), clip.format), folder / "clip.gsvc", MAIN.settings(**settings))
+        if report.interrupted:  # a file of the frames so far, which is no point
+            raise KeyboardInterrupt
+        return report
 
     total = clip.format.width * clip.format.height // PIXELS_PER_SPLAT
     single = []
