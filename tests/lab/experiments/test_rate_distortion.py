@@ -138,7 +138,7 @@ def test_files_are_set_against_the_code_length_together_and_alone():
 
 
 def test_what_is_not_there_is_no_goal_reached():
-    found = goals.goals_of([], [], None, [])
+    found = goals.goals_of([], [], None)
     assert {goal.reached for goal in found} == {"not measured"}
     assert "no common quality" in goals.summary([])
 
