@@ -59,7 +59,7 @@ def test_what_has_no_header_has_no_level(data):
 
 
 def test_decoders_that_disagree_are_told(monkeypatch):
-    def refuse(data):
+    def refuse(data, quality):
         raise GsvcError("limit", "too much", rule="R-5-4", bit=99)
 
     monkeypatch.setattr(check, "_reference_frames", refuse)
