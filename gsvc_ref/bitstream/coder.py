@@ -136,7 +136,7 @@ class Coder(ABC):
 
     def divide(self, category: str, parts: Mapping[str, int]) -> None:
         """Count bits of a category to its parts instead, as many as `parts` gives each, as long as there are some."""
-        left = self.bits_by_category()[category]
+        left = sum(bits for (counted, _), bits in self.bits.items() if counted == category)
         for part, wanted in parts.items():
             bits = min(wanted, left)
             left -= bits

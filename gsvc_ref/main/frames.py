@@ -48,6 +48,10 @@ FIRST_COMPONENTS: Final = 4
 """The passes of the modes, and of the first components of all groups of differences; the next ones follow."""
 
 
+NO_CODES: Final = MainCodes(type="I")
+"""The codes that a Reader, which ignores values, is given."""
+
+
 @dataclass(frozen=True, eq=False)
 class MainState:
     """All that profile `main` carries from frame to frame."""
@@ -186,7 +190,7 @@ def _head(
     given: MainCodes | None,
 ) -> tuple[MainCodes, int]:
     """The elements in front of the run: the codes so far, and the count of splats or of new splats."""
-    source, count, present = given or MainCodes(type=frame_type), 0, 0
+    source, count, present = given or NO_CODES, 0, 0
     with s.part("frame_header"):
         lane_exponent = s.u("lane_exponent", 4, source.lane_exponent)
         if lane_exponent > MAX_LANE_EXPONENT:

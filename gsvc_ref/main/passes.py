@@ -37,7 +37,8 @@ LENGTH_UNIT: Final = 1 << 16
 LENGTHS: Final[I8] = np.rint(LENGTH_UNIT * (PRECISION - log2(np.arange(1, TOTAL + 1)))).astype(np.int64)
 """The code length of a symbol by its frequency less 1."""
 
-_NONE: Final[I8] = np.zeros(0, np.int64)
+NONE: Final[I8] = np.zeros(0, np.int64)
+"""No numbers, (0,)."""
 
 
 def group_count(lane_exponent: int) -> int:
@@ -153,7 +154,7 @@ class RunWriter(Run):
         passes = np.repeat([at for at, *_ in parts], [len(starts) for _, starts, _ in parts]).astype(np.int64)
         index = np.arange(len(passes)) - np.searchsorted(passes, passes)
         starts, frequencies = (
-            np.concatenate([_NONE, *column]) for column in ([p[1] for p in parts], [p[2] for p in parts])
+            np.concatenate([NONE, *column]) for column in ([p[1] for p in parts], [p[2] for p in parts])
         )
         return RunSymbols(starts, frequencies, passes, index & ((1 << lane_exponent) - 1))
 
@@ -161,7 +162,7 @@ class RunWriter(Run):
         """What a decoder finds all of it again from (R-15.6-3)."""
         starts, frequencies, _, lanes = self.in_order(lane_exponent)
         early = [part[1:] for part in sorted(self._early, key=lambda part: part[0])]
-        raw = [np.concatenate([_NONE, *(part[k] for part in parts)]) for parts in (early, self._late) for k in range(2)]
+        raw = [np.concatenate([NONE, *(part[k] for part in parts)]) for parts in (early, self._late) for k in range(2)]
         return encode_run(starts, frequencies, lanes, 1 << lane_exponent, *raw)
 
 

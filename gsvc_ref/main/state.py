@@ -73,35 +73,35 @@ def class_of(color: I8, step: int) -> int:
 
 
 def to_splats(state: I8) -> Splats:
-    """The splats of a state, bit for bit those of every decoder (15-5)."""
-    return Splats.from_array(parameters_of(state))
+    """The splats of a state (N, 8), bit for bit those of every decoder (15-5)."""
+    positions, cholesky, colors = (np.empty((len(state), columns), np.float32) for columns in (2, 3, 3))
+    _find_parameters(np.ascontiguousarray(state), positions, cholesky, colors)
+    return Splats(positions, cholesky, colors)
 
 
 def parameters_of(state: I8) -> F4:
     """The parameters (N, 8) f4 of a state (N, 8): (15-5)."""
-    parameters = np.empty((len(state), 8), np.float32)
-    _find_parameters(np.ascontiguousarray(state), parameters)
-    return parameters
+    return to_splats(state).to_array()
 
 
 @kernel()
-def _find_parameters(state: I8, parameters: F4) -> None:
+def _find_parameters(state: I8, positions: F4, cholesky: F4, colors: F4) -> None:
     for i in range(len(state)):
         A, B = state[i, 2], state[i, 3]
-        parameters[i, 0] = _number(state[i, 0], -8)  # x, y in pixels
-        parameters[i, 1] = _number(state[i, 1], -8)
-        parameters[i, 2] = _number(EXP2[A & (OCTAVE - 1)], (A >> 10) - 15)
-        parameters[i, 3] = _number(state[i, 4] * EXP2[B & (OCTAVE - 1)], (B >> 10) - 25)  # l21 = S l22
-        parameters[i, 4] = _number(EXP2[B & (OCTAVE - 1)], (B >> 10) - 15)
+        positions[i, 0] = _number(state[i, 0], -8)
+        positions[i, 1] = _number(state[i, 1], -8)
+        cholesky[i, 0] = _number(EXP2[A & (OCTAVE - 1)], (A >> 10) - 15)
+        cholesky[i, 1] = _number(state[i, 4] * EXP2[B & (OCTAVE - 1)], (B >> 10) - 25)  # l21 = S l22
+        cholesky[i, 2] = _number(EXP2[B & (OCTAVE - 1)], (B >> 10) - 15)
         most, s = max(abs(state[i, 5]), abs(state[i, 6]), abs(state[i, 7])), 0
         while most >> (14 + s):
             s += 1
         a, b, c = (state[i, 5] * MAIN_K[0]) >> s, (state[i, 6] * MAIN_K[1]) >> s, (state[i, 7] * MAIN_K[2]) >> s
         v = -(A + B) >> 1  # 1 / sqrt(l11 l22): n is a color times the root of the area
         G, exponent = EXP2[v & (OCTAVE - 1)], s + (v >> 10) - 29
-        parameters[i, 5] = _color(a + b + c, G, exponent)  # R, G, B: the transpose of the orthonormal opponent axes
-        parameters[i, 6] = _color(a - 2 * c, G, exponent)
-        parameters[i, 7] = _color(a - b + c, G, exponent)
+        colors[i, 0] = _color(a + b + c, G, exponent)  # R, G, B: the transpose of the orthonormal opponent axes
+        colors[i, 1] = _color(a - 2 * c, G, exponent)
+        colors[i, 2] = _color(a - b + c, G, exponent)
 
 
 @kernel(inline=True)

@@ -31,11 +31,9 @@ from gsvc_ref.main.fast.lanes import (
     read_symbols,
     take_symbol,
 )
-from gsvc_ref.main.passes import TOTAL, Distributions
+from gsvc_ref.main.passes import NONE, TOTAL, Distributions
 from gsvc_ref.main.reconstruct import find_intra_state, log_size, place_unit
 from gsvc_ref.main.state import CLASSES, N_MOST, class_of
-
-_NONE: Final[I8] = np.zeros(0, np.int64)
 
 
 class Tables(NamedTuple):
@@ -59,7 +57,7 @@ def tables_of(densities: Densities, width: int, height: int) -> Tables:
     return Tables(*cell_counts(width, height), alphas, Distributions.joined(parts), low_bits, first)
 
 
-NO_TABLES: Final = Tables(0, 0, _NONE, Distributions(_NONE, _NONE), _NONE.reshape(0, 0), _NONE.reshape(0, 0))
+NO_TABLES: Final = Tables(0, 0, NONE, Distributions(NONE, NONE), NONE.reshape(0, 0), NONE.reshape(0, 0))
 """The tables of no splats."""
 
 
@@ -68,7 +66,6 @@ class New(NamedTuple):
 
     step: int  # D in 1/16
     codes: CodeArrays
-    state: I8  # (N, 8)
     counts: I8  # (2, N), the splats of each part before and after a halving, in turn
     origins: I8  # (2, N, 2), its first column and row
     parts: I8  # (2,), how many parts there are
@@ -80,15 +77,15 @@ class New(NamedTuple):
 
 
 @kernel()
-def new_splats(step: int, codes: CodeArrays, state: I8) -> New:
-    """Room for splats whose codes and states are put into arrays."""
-    count = len(state)
+def new_splats(step: int, codes: CodeArrays) -> New:
+    """The state of reading before the first pass; what is read is put into `codes`."""
+    count = len(codes.cells)
     counts, origins, parts = np.zeros((2, count), np.int64), np.zeros((2, count, 2), np.int64), np.zeros(2, np.int64)
     if count:
         counts[0, 0], parts[0] = count, 1
     answers, sizes, low = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count, np.int64)
     rows, j = np.empty(count, np.int64), np.zeros(count, np.int64)
-    return New(step, codes, state, counts, origins, parts, answers, sizes, low, rows, j)
+    return New(step, codes, counts, origins, parts, answers, sizes, low, rows, j)
 
 
 class Halving(NamedTuple):
@@ -191,8 +188,8 @@ def intra_late_count(tables: Tables, new: New) -> int:
 
 
 @kernel()
-def read_intra_late(lanes: Lanes, tables: Tables, new: New) -> None:
-    """The late bits of new splats, and the state that all codes stand for."""
+def read_intra_late(lanes: Lanes, tables: Tables, new: New, state: I8) -> None:
+    """The late bits of new splats, and the state (N, 8) that all codes stand for."""
     out, numbers = new.codes, new.answers
     for plane in range(3):
         for splat in range(len(numbers)):
@@ -209,7 +206,7 @@ def read_intra_late(lanes: Lanes, tables: Tables, new: New) -> None:
         read_raw(lanes, PLACE, new.sizes, numbers)
         for splat in range(len(numbers)):
             out.places[splat, axis] = numbers[splat]
-    find_intra_state(out, new.step, new.state)
+    find_intra_state(out, new.step, state)
 
 
 @kernel()

@@ -41,20 +41,21 @@ class Reference(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What is read of these splats."""
+    """What is read of the N splats before, and all splats after the frame, of which n are new."""
 
     field: I8  # (rows, columns, 2), the vectors, in place if they are inherited
     modes: I8  # (N,)
     differences: I8  # (N, 8); before the late bits are read, the classes of their magnitudes
-    after: I8  # (N, 8), the splats that stay, at the start of the array
-    past: I8  # (N,), what was done with each, likewise
+    after: I8  # (N + n, 8), from the start of the array on the splats that stay, then the new ones
+    past: I8  # (N + n,), what was done with each that stays, likewise
     counts: I8  # (33, 24), those of the models of this frame before, and of the next one then
 
     @classmethod
-    def of(cls, field: I8, count: int, counts: I8) -> "Outputs":
-        """Room for so many splats, and a field that is inherited or has room."""
-        modes, past = np.empty(count, np.int64), np.empty(count, np.int64)
-        return cls(field, modes, np.zeros((count, 8), np.int64), np.empty((count, 8), np.int64), past, counts.copy())
+    def of(cls, field: I8, count: int, new: int, counts: I8) -> "Outputs":
+        """Room for so many splats before and new ones, and a field that is inherited or has room."""
+        modes, differences = np.empty(count, np.int64), np.zeros((count, 8), np.int64)
+        after, past = np.empty((count + new, 8), np.int64), np.empty(count + new, np.int64)
+        return cls(field, modes, differences, after, past, counts.copy())
 
 
 class Predicted(NamedTuple):

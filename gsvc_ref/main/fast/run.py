@@ -69,24 +69,21 @@ def read_run(lanes: Lanes, before: "MainState", codes: MainCodes, count: int) ->
     if own := codes.motion_cell > 0:
         side = SIDES[codes.motion_cell]
         field = np.empty((*field_shape(*size, side), 2), np.int64)
-    out = Outputs.of(field, splats, before.models.counts)
-    new, state, tables = CodeArrays.empty(count), np.empty((count, 8), np.int64), NO_TABLES
+    out, new, tables = Outputs.of(field, splats, count, before.models.counts), CodeArrays.empty(count), NO_TABLES
     if count:
         assert before.densities is not None
         tables = tables_of(before.densities, *size)
     reference = Reference(before.values, before.past, *size, side, own, step)
-    status = _read_run(lanes, reference, tables, out, new, state)
+    status = _read_run(lanes, reference, tables, out, new)
     if status < 0:
         raise _fault(lanes, status)
-    values, past, models = before.values, before.past, before.models
-    if splats:
-        values, past, models = out.after[:status], out.past[:status], Models(out.counts)
-        codes = replace(codes, vectors=field if own else codes.vectors, modes=out.modes, differences=out.differences)
-    if count:
-        of_new = np.full(count, 0 if codes.type == "I" else 2, np.int64)
-        values, past = np.concatenate([values, state]), np.concatenate([past, of_new])
-        codes = replace(codes, new=IntraCodes(*new))
-    return ReadRun(values, past, models, codes)
+    out.past[status:] = 0 if codes.type == "I" else 2
+    codes = replace(
+        codes, vectors=field if own else codes.vectors, modes=out.modes, differences=out.differences,
+        new=IntraCodes(*new),
+    )  # fmt: skip
+    end = status + count
+    return ReadRun(out.after[:end], out.past[:end], Models(out.counts), codes)
 
 
 def _fault(lanes: Lanes, status: int) -> RunError:
@@ -104,10 +101,10 @@ def _fault(lanes: Lanes, status: int) -> RunError:
 
 
 @kernel()
-def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Outputs, codes: CodeArrays, state: I8) -> int:
-    """All passes and late bits, put into `out`, `codes` and `state`; how many splats stay, or what is wrong."""
-    splats, count, last = len(out.modes), len(state), 0
-    found, new = predicted_splats(out), new_splats(reference.step, codes, state)
+def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Outputs, codes: CodeArrays) -> int:
+    """All passes and late bits, put into `out` and `codes`; how many splats stay, or what is wrong."""
+    splats, count, last = len(out.modes), len(codes.cells), 0
+    found, new = predicted_splats(out), new_splats(reference.step, codes)
     rows = Distributions(out.counts[0], out.counts[0])
     if splats:  # models stand still in a frame: one set of tables does for all passes
         last, rows = PREDICTED_PASSES, model_distributions(out.counts)
@@ -125,7 +122,7 @@ def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Outputs, 
         return status
     rest = late_bits(lanes, late)
     stay = read_predicted_late(rest, reference, found, out)
-    read_intra_late(rest, tables, new)
+    read_intra_late(rest, tables, new, out.after[stay : stay + count])
     return stay
 
 
