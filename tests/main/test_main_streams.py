@@ -72,7 +72,8 @@ def test_elements_of_the_header() -> None:
     names = [name for name, *_ in (*spec.HEADER, *spec.MAIN_HEADER)]
     assert list(header_elements(MAIN)) == names
     header = SequenceHeader(profile=MAIN, level=1, width=3, height=2, layer_count=4)
-    assert list(header.elements) == names
+    of_quality = [f"quality_{name}[{quality}]" for quality in range(4) for name in ("level", "halvings")]
+    assert list(header.elements) == names + of_quality
     assert header == SequenceHeader(**header.arguments)
     with pytest.raises(UsageError, match="`cholesky_bits` is not an element of profile main"):
         SequenceHeader(profile=MAIN, level=1, width=3, height=2, cholesky_bits=5)
