@@ -35,8 +35,9 @@ NAMES: Final = (
     "time",
     "sizes",
     "own_splats",
+    "lanes",
 )
-"""The experiments in the order of the paper, and two that it lacks; each is the module of that name."""
+"""The experiments in the order of the paper, and three that it lacks; each is the module of that name."""
 
 FOLDER: Final = Path("experiments/results")
 
