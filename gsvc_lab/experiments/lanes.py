@@ -117,7 +117,8 @@ def run(settings: Run) -> Result:
     """Encode each clip, and code its frames anew in lanes."""
     times = 4 if settings.full else 1
     named = given_clips(settings) or [
-        scene_clip("talking-head", 352, 288, times * SMALL.frames), packaged_clip("bigbuckbunny").scaled(1920, 1080)
+        packaged_clip("bikes").scaled(352, 288), scene_clip("talking-head", 352, 288, times * SMALL.frames),
+        packaged_clip("bigbuckbunny").scaled(1920, 1080)
     ]  # fmt: skip
     clips = [excerpt(one, 0, times * goal_of(one).frames, one.format.width, one.format.height) for one in named]
     all_of = [measure(clip, settings) for clip in clips]
