@@ -201,7 +201,7 @@ class SequenceHeader:
         return Limits(self.level, None if own == Quality(self.level) else own)
 
     @property
-    def arguments(self) -> dict[str, int]:
+    def arguments(self) -> dict[str, Any]:
         """What makes this header again: `elements`, with the flags by their names."""
         known = self.elements
         flags = ("parameter_checksum_flag", "paced_flag", *(("qualities",) if self.qualities else ()))

@@ -12,7 +12,7 @@ from gsvc_ref.bitstream.coder import Bytes, Element, categories_of, encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.frames import frame_head, layer_mask
 from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, MAX_LAYERS, SequenceHeader, sequence_header
-from gsvc_ref.bitstream.rules import broken
+from gsvc_ref.bitstream.rules import broken, kind_of
 from gsvc_ref.bitstream.times import TIMES, read_times, times
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import Body, MainState
@@ -25,6 +25,10 @@ from gsvc_ref.stream.source import Source, SourceReader
 
 CRC_SIZE: Final = chunks.CRC_BITS // 8
 """Bytes of `chunk_crc`."""
+
+
+class PaceError(GsvcError):
+    """A frame comes too fast for a paced stream (R-5-7, R-5-8, or R-5-9 in the place of R-5-7); else it is sound."""
 
 
 @dataclass(frozen=True)
@@ -371,7 +375,8 @@ def _check_none_missing(layers: Layers, layer: int, place: Place) -> None:
 def _checked(pace: Pace, header: SequenceHeader, place: Place) -> Pace:
     """A pace in which the chunk at a place breaks no rule."""
     if (fault := pace.fault(header)) is not None:
-        raise broken(*fault, 8 * place.offset)
+        rule, message = fault
+        raise PaceError(kind_of(rule), message, rule=rule, bit=8 * place.offset)
     return pace
 
 

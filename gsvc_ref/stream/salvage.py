@@ -8,15 +8,12 @@ from gsvc_base.errors import GsvcError
 from gsvc_ref.bitstream import chunks
 from gsvc_ref.bitstream.bit_reader import Reader
 from gsvc_ref.bitstream.rules import broken
-from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, DecodedChunk, Place, check_complete
+from gsvc_ref.stream.chunk_decoder import CRC_SIZE, ChunkDecoder, DecodedChunk, PaceError, Place, check_complete
 from gsvc_ref.stream.decoded import MAX_FAULTS, Gap
 from gsvc_ref.stream.source import SourceReader
 from gsvc_ref.stream.whole_chunks import WholeChunks
 
 P_AND_R: Final = frozenset(b"PR")
-OF_A_SECOND: Final = ("R-5-7", "R-5-8", "R-5-9")
-"""Rules about the pace of a stream: a frame that breaks one of them, and no other, is sound."""
-
 MISSING_LAYER: Final = "R-15.13-6"
 """The rule that is broken where a chunk of a layer is missing: what stands in its place is sound."""
 
@@ -73,7 +70,7 @@ class Salvage:
     - with an I-frame that has this number or a greater one;
     - with an end chunk whose `frame_count` is possible.
 
-    A frame that only comes too fast for a paced stream (R-5-7 to R-5-9) is reported and decoded all the same. A chunk
+    A frame that only comes too fast for a paced stream (`PaceError`) is reported and decoded all the same. A chunk
     of a layer that is skipped or missing loses no frame of the base: its layer, and no other one, is gone until its
     next I, and `lacking` of a frame tells so.
 
@@ -154,7 +151,7 @@ class Salvage:
                 return self._decoder.decode(place)
             except GsvcError as fault:
                 self._note(fault)
-                if fault.rule in OF_A_SECOND and place.pace is not None:  # too fast, but whole
+                if isinstance(fault, PaceError):  # too fast, but whole
                     places.insert(0, replace(place, pace=None))
                 elif fault.rule == MISSING_LAYER and place.layers is not None:
                     places.insert(0, replace(place, layers=place.layers.interrupted()))

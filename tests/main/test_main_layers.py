@@ -15,7 +15,7 @@ from gsvc_ref import spec
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import MAIN_CATEGORIES
-from gsvc_ref.bitstream.header import MAIN, MAX_LAYERS
+from gsvc_ref.bitstream.header import LEVELS, MAIN, MAX_LAYERS
 from gsvc_ref.cli.damage import Gaps
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import MainState
@@ -221,6 +221,18 @@ def test_the_level_counts_all_layers() -> None:
     assert both(wrong, 0)[0][2] == both(wrong, 0)[1][2]
     assert both(wrong, 0)[0][2].split()[:2] == ["limit", "R-5-9"]
     assert len(state.values) == 9000
+
+
+def test_a_frame_beyond_its_operating_point_is_not_salvaged_as_one_that_comes_too_fast() -> None:
+    """R-5-9 in the place of R-5-2, in a paced stream: it is noted once, and the frame is skipped."""
+    header = SequenceHeader(profile=MAIN, level=2, width=32, height=24, layer_count=2, paced_flag=True)
+    start, count = MainState.initial(32, 24), LEVELS[1].splats + 1
+    frame, _ = make_main_frame(SeededChoices(5), header, start, types="I", max_count=count, count=count, kind="last")
+    low = with_payload(write_stream(header, [frame]), 0, lambda p: p[:-2] + b"\x20\x40")
+    (gap,) = StreamReader(low).salvage()
+    assert isinstance(gap, Gap)
+    assert [fault.rule for fault in gap.faults] == ["R-5-9"]
+    assert gap.fault_count == 1
 
 
 @pytest.mark.parametrize(("name", "checksums"), [("the base grows", False), ("a layer below grows", True)])

@@ -79,7 +79,7 @@ def test_elements_of_the_header() -> None:
         SequenceHeader(profile=MAIN, level=1, width=3, height=2, cholesky_bits=5)
     with pytest.raises(UsageError, match="`layer_count` is not an element of profile paper"):
         SequenceHeader(level=1, width=3, height=2, layer_count=2)
-    with pytest.raises(UsageError, match=r"R-6\.3-1"):
+    with pytest.raises(UsageError, match=r"R-3\.2-1"):
         SequenceHeader(profile=MAIN, level=1, width=3, height=2, layer_count=5)
 
 
