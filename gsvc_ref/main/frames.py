@@ -91,6 +91,11 @@ class MainState:
         return {}
 
     @cached_property
+    def rests(self) -> bool:
+        """Whether the frame before has done nothing with any splat."""
+        return not self.past.any()
+
+    @cached_property
     def checksum(self) -> int:
         """The `parameter_checksum` of these splats."""
         return parameter_checksum(self.splats)

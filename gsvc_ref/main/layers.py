@@ -12,11 +12,12 @@ import numpy as np
 
 from gsvc_base.arrays import I8
 from gsvc_base.splats import Splats
+from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.main.codes import NO_FIELD, Field, MainCodes
 from gsvc_ref.main.frames import Body, MainState, frame_body
-from gsvc_ref.main.motion import field_motion
+from gsvc_ref.main.motion import find_motion
 from gsvc_ref.main.state import X_MOST
 from gsvc_ref.paper import FrameType
 
@@ -128,11 +129,22 @@ class Layers:
 
 def carried(state: MainState, moves: Field) -> MainState:
     """The state of a layer after a P-frame of the base that has no chunk of it, and that moves by a field."""
-    if moves.side == 0 and not state.past.any():
+    if moves.side == 0 and state.rests:
         return state
-    values = state.values.copy()
-    values[:, :2] = np.clip(values[:, :2] + field_motion(values, *moves), -X_MOST, X_MOST)
-    return replace(state, values=values, past=np.zeros_like(state.past))
+    values = np.empty_like(state.values)
+    _carry(state.values, *moves, values)
+    return replace(state, values=values, past=state.past if state.rests else np.zeros_like(state.past))
+
+
+@kernel()
+def _carry(state: I8, field: I8, side: int, after: I8) -> None:
+    """Move splats (N, 8) by a field, and keep all else, in one go: a frame of a few bytes may carry all of a level."""
+    find_motion(state, field, side, after)  # into the first two columns
+    for splat in range(len(state)):
+        for axis in range(2):
+            after[splat, axis] = min(max(state[splat, axis] + after[splat, axis], -X_MOST), X_MOST)
+        for column in range(2, 8):
+            after[splat, column] = state[splat, column]
 
 
 def layer_number(s: Coder, layers: Layers, given: int = 0) -> int | None:  # noqa: RET503

@@ -225,6 +225,19 @@ def test_layers_that_repeat_cost_nothing(monkeypatch: pytest.MonkeyPatch, checks
     assert len(rendered) == len(joined) == 1
 
 
+def test_layers_that_are_carried_and_rest_cost_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Behind R-frames, and P-frames without a field, a layer without a chunk is the same state, known already."""
+    head = main_header(1, 16, 16)
+    still, nothing = main_frames(head, 5, 0)[0], MainCodes(type="P")
+    bases = [MainCodes(type="I"), *[(MainCodes.repeated_frame(), nothing)[number % 2] for number in range(20)]]
+    data = write_stream(head, bases, index=False, layers={0: [(layer, still) for layer in (1, 2, 3)]})
+    work = calls_of(monkeypatch, main_state, "work_of")
+    frames = list(StreamReader(data, layer=None))
+    assert [len(frame.splats) for frame in frames] == [15] * 21
+    assert len({id(state) for frame in frames for state in frame.parts}) == 3
+    assert sum(len(splats) for splats in work) == 15
+
+
 def test_a_layer_that_changes_costs_the_others_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     head = main_header(1, 16, 16)
     five, one = main_frames(head, 5, 0)[0], main_frames(head, 1, 1)
