@@ -4,6 +4,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import astuple, dataclass, replace
+from functools import partial
 from typing import BinaryIO, Final
 
 from gsvc_base.errors import UsageError
@@ -74,9 +75,16 @@ def write_all(target: BinaryIO, data: Bytes) -> None:
         rest = rest[target.write(rest) or 0 :]
 
 
-def _parts(quality: int, base: AnyState, layers: Layers | None) -> list[AnyState]:
-    """The states whose splats a frame shows in a quality."""
-    return [base, *(state for layer, state in (layers.there if layers else {}).items() if layer <= quality)]
+Amounts = Callable[[int, int], tuple[int, int]]
+"""Tells splats and rendering work of a frame in a quality, at a size halved so often."""
+
+
+def _amounts(state: AnyState, shown: Layers | None, work: int, quality: int, halvings: int) -> tuple[int, int]:
+    """`Amounts` of a frame that has these layers, or, without layers, `work` pairs."""
+    if shown is None:
+        return len(state.splats), work
+    parts = [part for layer, part in zip((0, *shown.there), shown.parts, strict=True) if layer <= quality]
+    return sum(len(part.values) for part in parts), sum(part.work_at(halvings) for part in parts)
 
 
 class StreamWriter:
@@ -176,8 +184,9 @@ class StreamWriter:
             self._check("work", "R-5-4", shown.work())
         sizes = [len(s.getvalue()) for s, _ in made]
         payloads = dict(zip((0, *named), (sum(bits.values()) // 8 for _, bits in made), strict=True))
-        needs = [self._need(quality, state, shown, counts, payloads) for quality in range(self.header.layer_count)]
-        paces = self._paced(codes.type, state, shown, needs, self.offset - self._frame_end + sum(sizes))
+        amounts = partial(_amounts, state, shown, work)
+        needs = [self._need(quality, amounts, counts, payloads) for quality in range(self.header.layer_count)]
+        paces = self._paced(codes.type, amounts, needs, self.offset - self._frame_end + sum(sizes))
         offsets = [self.offset + sum(sizes[:i]) for i in range(len(sizes))]
         bits = [self._append(*one) for one in made]
         if codes.type == "I" and self._entries is not None:
@@ -214,9 +223,7 @@ class StreamWriter:
 
         return self._chunk(chunks.LAYER_TYPE, content, begin), after
 
-    def _need(
-        self, quality: int, state: AnyState, shown: Layers | None, counts: dict[int, int], payloads: dict[int, int]
-    ) -> Level:
+    def _need(self, quality: int, amounts: Amounts, counts: dict[int, int], payloads: dict[int, int]) -> Level:
         """What a frame asks of the level of a quality, at the size of its operating point (R-5-9)."""
         point = self.header.limits_of(quality).quality
         halvings = 0 if point is None else point.halvings
@@ -224,7 +231,7 @@ class StreamWriter:
         need = Level(
             columns * rows,
             sum(count for layer, count in counts.items() if layer <= quality),
-            sum(work_after(part, halvings) for part in _parts(quality, state, shown)),
+            amounts(quality, halvings)[1],
             max(size for layer, size in payloads.items() if layer <= quality),
         )
         for name, rule in {"splats": "R-5-2", "work": "R-5-4", "payload": "R-5-3"}.items():
@@ -239,16 +246,13 @@ class StreamWriter:
             frame = f"frame {self.frame_count} has {max(amount, own)} {what}"
             raise UsageError(f"{frame}; {fault[1]} ({fault[0]})")
 
-    def _paced(
-        self, frame_type: FrameType, state: AnyState, shown: Layers | None, needs: list[Level], size: int
-    ) -> list[Pace]:
+    def _paced(self, frame_type: FrameType, amounts: Amounts, needs: list[Level], size: int) -> list[Pace]:
         """The pace after a frame whose chunks have this many bytes, for each quality."""
         if not self.header.paced_flag:
             return self._paces
         paces = []
         for quality, (pace, need) in enumerate(zip(self._paces, needs, strict=True)):
-            parts = _parts(quality, state, shown)
-            splats, work = sum(len(part.splats) for part in parts), sum(work_after(part) for part in parts)
+            splats, work = amounts(quality, 0)
             paces.append(pace.after(self.header, frame_type, splats, (work, need.work), size))
             if (fault := paces[-1].fault(self.header)) is not None:
                 rule, message = fault

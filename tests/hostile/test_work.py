@@ -24,12 +24,13 @@ from gsvc_ref.bitstream.rans import decode_kernel
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main import frames as main_state
 from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.paper import FrameCodes
 from gsvc_ref.rendering import SequenceRenderer
 from gsvc_ref.rendering.fast.binning import Binning, windows_of
 from gsvc_ref.rendering.fast.projection import row_range
 from gsvc_ref.rendering.fast.tiles import GROUP_ROWS, TILE_WIDTH
 from gsvc_ref.stream import StreamReader, chunk_decoder, decode, profiles
-from gsvc_ref.testing import splat_sets, write_stream
+from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, splat_sets, write_stream
 from tests.hostile.hostile_streams import (
     CHOLESKY_BITS,
     STAGES,
@@ -261,6 +262,12 @@ def test_a_repeated_frame_of_profile_paper_is_not_checked_again(monkeypatch: pyt
     wrong = chunk("R", encode_uv(21), b"\1" * 4)
     with pytest.raises(GsvcError, match=r"R-6\.4-3"):
         list(StreamReader(b"".join([opening(head), *parts, wrong, end(22)])))
+
+
+def test_a_repeated_frame_is_written_without_its_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    still, work = FrameCodes.repeated_frame(), calls_of(monkeypatch, profiles, "rendering_work")
+    write_stream(replace(OVERVIEW_HEADER, paced_flag=True), [overview_frames()[0], *[still] * 20])
+    assert len(work) == 1
 
 
 def coded(symbol: int, width: int) -> bytes:
