@@ -75,13 +75,8 @@ class MainState:
         """The splats of the frame before, in binary32 (15-5)."""
         return to_splats(self.values)
 
-    @property
-    def work(self) -> int:
-        """The rendering work of these splats in pairs (5-2)."""
-        return self.work_at(0)
-
     def work_at(self, halvings: int) -> int:
-        """The rendering work on a frame that is halved so often; it is found once."""
+        """The rendering work of these splats, in pairs, on a frame that is halved so often (5-2); it is found once."""
         if halvings not in self._works:
             self._works[halvings] = work_of(self.values, self.width, self.height, halvings)
         return self._works[halvings]

@@ -76,11 +76,6 @@ class Layers:
         return replace(passed, there=there, lost=passed.lost - {layer})
 
     @property
-    def takes_chunks(self) -> bool:
-        """Whether a chunk `n` that stands here belongs to a frame."""
-        return self.base is not None
-
-    @property
     def due(self) -> tuple[int, ...]:
         """The layers that are wanted and whose chunks have yet to come; without one a frame is complete (R-15.13-5)."""
         return tuple(layer for layer in self.named if self.last < layer <= self.highest)

@@ -40,7 +40,7 @@ class Place:
     next_number: int = 0  # that the next frame must have
     index_length: int = 0  # bytes of the chunk directly before, if that is an index
     frame_end: int = 0  # offset of the end of the last frame's chunks, or of the sequence header
-    work: int = 0  # rendering work of the base of the frame before, in pairs
+    work: int = 0  # rendering work of the frame before, in pairs
     checksum: int | None = None  # `parameter_checksum` of the frame before, if the stream has some
     pace: Pace | None = None
     """What a paced stream has used of its second. It counts as long as it expects the frame that comes next: not after
@@ -160,14 +160,13 @@ class ChunkDecoder:
             count = len(state.splats) if layers is None else layers.count
             pace = self._pace(place, frame_type, count, work, after.offset)
             number, offset = place.next_number + 1, after.offset
-            of_base = work[0] if layers is None else work_after(state)
-            after = Place(offset, state, number, 0, offset, of_base, checksum, pace, layers)
+            after = Place(offset, state, number, 0, offset, work[0], checksum, pace, layers)
         elif chunk_type == chunks.INDEX_TYPE:
             self.check_index(p, place)
             after = replace(after, index_length=size)
         elif chunk_type == chunks.END_TYPE:
             self.check_end(p, place)
-        elif chunk_type == chunks.LAYER_TYPE and place.layers is not None and place.layers.takes_chunks:
+        elif chunk_type == chunks.LAYER_TYPE and place.layers is not None and place.layers.base is not None:
             layers, layer = self._layer(p, place, place.layers)
             after = self._after_layer(replace(after, layers=layers), place)
         else:  # R-6.2-5
@@ -269,12 +268,10 @@ class ChunkDecoder:
 
     def _check_shown(self, state: AnyState, layers: Layers | None, place: Place) -> tuple[int, int]:
         """R-5-2 of carried layers, and R-5-4 (R-15.13-3); the work of the frame as `_works` has it."""
-        if layers is not None and layers.there:
-            fault = self.limits.fault("splats", "R-5-2", layers.count)
-            if fault is not None:
+        if layers is not None:
+            if layers.there and (fault := self.limits.fault("splats", "R-5-2", layers.count)) is not None:
                 message = f"with the layers that are carried the frame has {layers.count} splats"
                 raise broken(fault[0], f"{message}; {fault[1]}", 8 * place.offset)
-        if layers is not None:
             return self._check_work(layers.work, place)
         # an R-frame has the work of the frame before
         repeated = state is place.state

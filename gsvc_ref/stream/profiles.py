@@ -149,8 +149,6 @@ def profile_of(header: SequenceHeader) -> Profile:
 
 def work_after(state: AnyState, halvings: int = 0) -> int:
     """The rendering work of the splats of a state in pairs, (5-1) or (5-2), the latter at a size halved so often."""
-    return (
-        state.work_at(halvings)
-        if isinstance(state, MainState)
-        else rendering_work(state.splats, state.width, state.height)
-    )
+    if isinstance(state, MainState):
+        return state.work_at(halvings)
+    return rendering_work(state.splats, state.width, state.height)

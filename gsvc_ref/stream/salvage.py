@@ -14,8 +14,6 @@ from gsvc_ref.stream.source import SourceReader
 from gsvc_ref.stream.whole_chunks import WholeChunks
 
 P_AND_R: Final = frozenset(b"PR")
-MISSING_LAYER: Final = "R-15.13-6"
-"""The rule that is broken where a chunk of a layer is missing: what stands in its place is sound."""
 
 
 @dataclass
@@ -153,7 +151,7 @@ class Salvage:
                 self._note(fault)
                 if isinstance(fault, PaceError):  # too fast, but whole
                     places.insert(0, replace(place, pace=None))
-                elif fault.rule == MISSING_LAYER and place.layers is not None:
+                elif fault.rule == "R-15.13-6" and place.layers is not None:  # this is not what is missing
                     places.insert(0, replace(place, layers=place.layers.interrupted()))
         return None
 

@@ -178,14 +178,3 @@ def late_bits(lanes: Lanes, count: int) -> Lanes:
     bit = np.zeros(1, np.int64)
     states, words, taken, ends, place, _, _, size, spent, lengths = lanes
     return Lanes(states, words, taken, ends, place, late, bit, size, spent, lengths)
-
-
-@kernel(inline=True)
-def magnitude_class(magnitude: int) -> int:
-    """The class of a magnitude: 0, 1, 2, 3, then two classes an octave (spec.md section 15.7)."""
-    if magnitude < 4:
-        return magnitude
-    exponent = 2
-    while magnitude >> (exponent + 1):
-        exponent += 1
-    return 2 * exponent + (magnitude >> (exponent - 1) & 1)
