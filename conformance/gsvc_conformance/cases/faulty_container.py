@@ -67,7 +67,7 @@ def _prefix() -> Iterator[Broken]:
     yield Broken("R-6.1-1", "malformed", "nothing", "the stream has no bytes", "it begins with magic", lambda: b"")
     yield Broken("R-6.1-1", "malformed", "seven_bytes", "the stream ends in magic", "it has 8 bytes",
                  lambda: overview()[:7])  # fmt: skip
-    for major in (0, 1, 2, 128, 130, 255):
+    for major in (0, 1, 2, 128, 129, 131, 255):
         yield Broken("R-6.1-2", "unsupported", f"version_{major}", f"version_major is {major}", "it is 130",
                      partial(overview, Lie("version_major", major)))  # fmt: skip
 
