@@ -127,7 +127,7 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
     Raises
     ------
     UsageError
-        An argument is no whole number or below 1, or there is no such shape.
+        An argument is not a whole number or is below 1, or there is no such shape.
     """
     if min(count, first_half, second_half) < 1:
         raise UsageError("count, first_half and second_half must be at least 1")

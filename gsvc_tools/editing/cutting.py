@@ -60,7 +60,7 @@ def cut(
     GsvcError
         The stream has a fault.
     UsageError
-        The stream has no such layer or frame, or frame `start` is no I-frame; the message names those beside it.
+        The stream has no such layer or frame, or frame `start` is not an I-frame; the message names those beside it.
     OSError
         The source cannot be read, or the target not written; what stood under its name still does.
     """
