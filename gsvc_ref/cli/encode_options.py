@@ -104,8 +104,8 @@ def add_options(parser: ArgumentParser) -> None:
     stream = parser.add_argument_group("stream")
     stream.add_argument(
         "--lanes", type=lanes, metavar="by-size|L", dest="lane_count",
-        help="lanes of the entropy coder, which a decoder can take side by side: by-size (default; each frame has the "
-        "most that cost 1 %% of its bits; by-size:P%% another share), or 1..4096; profile paper: 1 (default) to 64",
+        help="lanes of the entropy coder, which a decoder can take side by side: by-size (default; as many "
+        "as cost 0.6 %% of the bits; by-size:P%% another share), or 1..4096; profile paper: 1 (default) to 64",
     )  # fmt: skip
     stream.add_argument(
         "--no-index", action="store_false", default=None, dest="index", help="leave out the index for seeking"

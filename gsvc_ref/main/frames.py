@@ -103,6 +103,7 @@ class Body:
     codes: MainCodes
     after: MainState
     lengths: dict[str, float]
+    symbols: int = 0  # of a run that was written
 
 
 def frame_body(
@@ -127,11 +128,12 @@ def frame_body(
     densities = codes.densities or before.densities
     state = replace(before, densities=densities, quantizer=codes.quantizer)
     lengths: dict[str, float] = {}
+    symbols = 0
     if count + len(before.values) > 0 and given is not None:
         run = RunWriter()
         state, codes = code_run(run, state, codes, count, given)
         _write(s, run, codes.lane_exponent)
-        lengths = dict(run.lengths)
+        lengths, symbols = dict(run.lengths), run.count
     elif count + len(before.values) > 0:
         state, codes, lengths = _read_run(s, state, codes, count)
     s.divide(ENTROPY_CODER, {part: int(length) for part, length in lengths.items()})
@@ -141,7 +143,7 @@ def frame_body(
             "where a plane has none, differences 0 where the mode has not their bit, densities only where there are "
             "new splats, and a quantizer that is not present must be that of the frame before"
         )
-    return Body(codes, state, lengths)
+    return Body(codes, state, lengths, symbols)
 
 
 def symbols_of(before: MainState, codes: MainCodes) -> U2:

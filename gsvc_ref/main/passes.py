@@ -148,6 +148,11 @@ class RunWriter(Run):
         self.lengths[self._part] += int(sizes.sum())
         return values
 
+    @property
+    def count(self) -> int:
+        """How many symbols there are."""
+        return sum(len(starts) for _, starts, _ in self._symbols)
+
     def in_order(self, lane_exponent: int) -> RunSymbols:
         """The symbols in the order of their passes, in 2^lane_exponent lanes (R-15.6-1)."""
         parts = sorted(self._symbols, key=lambda part: part[0])  # stable: the parts of a pass stay in their order

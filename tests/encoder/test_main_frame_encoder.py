@@ -203,18 +203,29 @@ def test_lanes():
     assert same(pictures[0], pictures[2])
 
 
-@pytest.mark.parametrize(("share", "most"), [("by-size", 0.01), ("by-size:5%", 0.05)])
-def test_lanes_by_size_cost_a_share_of_each_frame(share, most):
-    settings = fast(lane_count=share)
-    (one, _), (_, data) = (encoded(CLIP[:2], fast(lane_count=count)) for count in (1, share))
+@pytest.mark.parametrize(("share", "most"), [("by-size", 0.006), ("by-size:5%", 0.05)])
+def test_lanes_by_size_cost_a_share_of_the_bits(share, most):
+    (one, _), (_, data) = (encoded(CLIP, fast(lane_count=count, key_frames=(0, 3))) for count in (1, share))
+    spent, room = 0, 0.0
     for frame, plain in zip(codes(data), one.frames, strict=True):
-        lanes = 1 << frame.lane_exponent
-        assert 8 * lanes <= most * plain.bits or lanes == 1
+        if frame.type == "I":
+            spent, room = 0, 0.0
+        spent += 8 * ((1 << frame.lane_exponent) - 1)
+        room += most * sum(plain.bits.values())
+        assert spent <= room
         assert frame.quantizer_present == (frame.type == "I" or frame.quantizer != codes(data)[0].quantizer)
-    exponents = [settings.lane_exponent(bits, 6) for bits in (0, 799, 1600, 51_199, 51_200, 10**9)]
-    assert exponents[:3] == ([0, 0, 1] if share == "by-size" else [0, 2, 3])
-    assert exponents[-1] == settings.max_lane_exponent(352, 288) == 6
+
+
+def test_lanes_by_size_stop_where_symbols_or_bits_do():
+    settings = fast()
+    many = [settings.lane_exponent(bits, 10**6, 0, 6) for bits in (0, 1333, 1334, 3999, 4000, 10**9)]
+    assert many == [0, 0, 1, 1, 2, 6]
+    assert settings.lane_exponent(0, 10**6, 24, 6) == 2  # of what is left over
+    assert [settings.lane_exponent(10**9, symbols, 0, 6) for symbols in (500, 501, 1000, 1001)] == [0, 1, 1, 2]
+    assert [settings.lane_bits_left(4000, 100, exponent) for exponent in (0, 1, 3)] == [124, 116, 68]
+    assert settings.max_lane_exponent(352, 288) == 6
     assert settings.max_lane_exponent(1920, 1080) == 10
+    assert fast(lane_count=8).lane_bits_left(4000, 0, 3) == 0
 
 
 def test_both_profiles_take_what_is_common():

@@ -96,6 +96,7 @@ class MainFrameEncoder:
         self.intra_splats, self.most = settings.splat_count(width, height), settings.most_splats(width, height)
         self.room = settings.counted_splats(width, height)
         self.max_lane_exponent = settings.max_lane_exponent(width, height)
+        self.lane_bits = 0  # what the frames since the last I-frame left of what lanes may cost
         # Whether each pixel may have a splat, in a picture of so few that it would have one splat by the usual share.
         self.has_pixel_splats = (
             settings.quality is None and settings.goal is None and self.most == width * height < PIXELS_PER_SPLAT
@@ -145,9 +146,10 @@ class MainFrameEncoder:
         """Codes in their lanes, the state after them, and about the bits of their body."""
         body, present = Writer(), codes.type == "I" or codes.quantizer != before.quantizer
         codes = replace(codes, quantizer_present=present, lane_exponent=0)
-        state = frame_body(body, codes.type, before, self.max_lane_exponent, MAX_SPLATS, codes).after
-        exponent = self.settings.lane_exponent(body.position, self.max_lane_exponent)
-        return replace(codes, lane_exponent=exponent), state, body.position
+        made = frame_body(body, codes.type, before, self.max_lane_exponent, MAX_SPLATS, codes)
+        bits, left = body.position, 0 if codes.type == "I" else self.lane_bits
+        exponent = self.settings.lane_exponent(bits, made.symbols, left, self.max_lane_exponent)
+        return replace(codes, lane_exponent=exponent), made.after, bits
 
     def for_group(self) -> "MainFrameEncoder":
         """An encoder for another group of pictures, which looks for numbers of splats from where this one has come."""
@@ -371,6 +373,8 @@ class MainFrame:
     def _finished(self, coded: _Coded, reason: str | None = None) -> EncodedFrame:
         encoder = self.encoder
         encoder.field, encoder.quantizer = coded.field, coded.codes.quantizer
+        left = 0 if coded.codes.type == "I" else encoder.lane_bits
+        encoder.lane_bits = self.settings.lane_bits_left(coded.bits, left, coded.codes.lane_exponent)
         achieved = math.inf if coded.psnr == LOSSLESS_PSNR else coded.psnr
         return EncodedFrame(
             coded.codes, coded.state, achieved, self.iterations, self.seconds, self.log.decisions, reason

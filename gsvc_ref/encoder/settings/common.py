@@ -70,8 +70,8 @@ class Settings:
         The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
     lane_count
         Lanes of the entropy coder: as many as a decoder can use at once. Profile `main` has up to 4096, and
-        ``by-size`` as its default: in each frame the most that cost a hundredth of its bits; ``by-size:2%`` says
-        another share. Profile `paper` has up to 64, and 1 by default.
+        ``by-size`` as its default: as many as cost 0.6 % of the bits; ``by-size:2%`` says another share. Profile
+        `paper` has up to 64, and 1 by default.
     index, checksums
         The stream's: an index for seeking, a checksum of each frame's parameters.
     paced

@@ -22,15 +22,20 @@ MIDDLE_WEIGHT: Final = 0.2
 
 
 BY_SIZE: Final = "by-size"
-"""The `lane_count` with which each frame has the most lanes that cost at most LANE_SHARE of its bits."""
-LANE_SHARE: Final = Fraction(1, 100)
+"""The `lane_count` with which lanes cost at most LANE_SHARE of the bits.
+
+A frame may also spend what frames before it, from their I-frame on, left over, and stops where each of its lanes has
+LANE_SYMBOLS / share symbols or fewer. So I-frames, which have many bits for a symbol, leave lanes to P-frames.
+"""
+LANE_SHARE: Final = Fraction(6, 1000)
+LANE_SYMBOLS: Final = 3  # 500 a lane at LANE_SHARE
 
 BITS_OF_LANE: Final = 8
 """What a lane costs: how much longer its first state is, on average, than what it says."""
 
 
 def lane_share(text: str) -> Fraction:
-    """The share of a frame's bits that its lanes may cost, of a `lane_count` ``by-size`` or, say, ``by-size:2%``."""
+    """The share of the bits that lanes may cost, of a `lane_count` ``by-size`` or, say, ``by-size:2%``."""
     match = re.fullmatch(rf"{BY_SIZE}(?::(\d{{1,2}}(?:\.\d{{1,4}})?)%)?", text, re.ASCII)
     if match is None:
         raise UsageError(f"lane_count is {text!r}; it must be a number, by-size, or by-size:P% with P below 100")
@@ -120,12 +125,25 @@ class MainSettings(Settings):
             return self.lane_count.bit_length() - 1
         return LANE_EXPONENTS[level_for(width, height)]
 
-    def lane_exponent(self, bits: int, most: int) -> int:
-        """That of a frame that has so many bits with one lane, up to `most`."""
+    def lane_exponent(self, bits: int, symbols: int, left: int, most: int) -> int:
+        """That of a frame with so many bits in one lane and so many symbols, up to `most`; `left` are bits for lanes.
+
+        These are what the frames before it, from their I-frame on, left over (`lane_bits_left`).
+        """
         if isinstance(self.lane_count, int):
             return most
-        lanes = int(lane_share(self.lane_count) * bits / BITS_OF_LANE)
-        return min(max(lanes, 1).bit_length() - 1, most)
+        exponent, weight = 0, lane_share(self.lane_count) * symbols
+        while exponent < most and weight > LANE_SYMBOLS << exponent:
+            if self.lane_bits_left(bits, left, exponent + 1) < 0:
+                break
+            exponent += 1
+        return exponent
+
+    def lane_bits_left(self, bits: int, left: int, exponent: int) -> int:
+        """What a frame with so many bits in one lane leaves to the next one, in 2^exponent lanes, in bits."""
+        if isinstance(self.lane_count, int):
+            return 0
+        return left + int(lane_share(self.lane_count) * bits) - BITS_OF_LANE * ((1 << exponent) - 1)
 
     @property
     def layer_count(self) -> int:
