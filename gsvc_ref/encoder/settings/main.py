@@ -30,8 +30,8 @@ LANE_SYMBOLS / share symbols or fewer. So I-frames, which have many bits for a s
 LANE_SHARE: Final = Fraction(6, 1000)
 LANE_SYMBOLS: Final = 3  # 500 a lane at LANE_SHARE
 
-BITS_OF_LANE: Final = 8
-"""What a lane costs: how much longer its first state is, on average, than what it says."""
+BITS_OF_LANE: Final = 9
+"""What a lane costs: its first state is 8 bits longer on average than what it says, and groups have counts."""
 
 
 def lane_share(text: str) -> Fraction:
