@@ -103,7 +103,7 @@ def test_dump(path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_dump_of_a_damaged_stream(tmp_path: Path, data: bytes, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "damaged.gsvc"
-    path.write_bytes(with_payload(data, 1, flipped(40)))  # the highest bit of `quantizer`
+    path.write_bytes(with_payload(data, 1, flipped(48)))  # the highest bit of `quantizer`
     assert main(["dump", str(path)]) == 1
     assert "at quantizer, frame 0" in capsys.readouterr().out
 
