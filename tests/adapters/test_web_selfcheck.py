@@ -18,7 +18,7 @@ WEB = "conformance/gsvc_conformance/adapters/web"
 SOME = [
     "decode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum",
     "rendering_work", "to_frame", "render_frame", "splat_classes", "main_intra", "motion_of_splats", "main_inter",
-    "state_parameters",
+    "state_parameters", "main_work",
 ]  # fmt: skip
 CHECK = "async ([url, only]) => GSVC.selfCheck(await GSVC.vectorsAt(url), { only })"
 
