@@ -16,7 +16,8 @@ from gsvc_ref.bitstream.header import MAX_LANE_EXPONENT
 from gsvc_ref.encoder.settings.common import MAX_SPLATS
 from gsvc_ref.encoder.settings.main import BY_SIZE, MainSettings
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState, frame_body, symbols_of
+from gsvc_ref.main.frames import frame_body, symbols_of
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.stream import Stream
 
 WAYS: Final[Mapping[str, int | str]] = {

@@ -173,7 +173,7 @@ class SequenceHeader:
 
     def __post_init__(self) -> None:
         qualities = tuple(Quality(*quality) for quality in self.qualities)
-        if qualities == (Quality(self.level),) * self.layer_count:
+        if set(qualities) == {Quality(self.level)} and len(qualities) == self.layer_count:
             qualities = ()
         object.__setattr__(self, "qualities", qualities)
         written = _header_elements(Writer(), self)
@@ -192,7 +192,8 @@ class SequenceHeader:
     @property
     def operating_points(self) -> tuple[Quality, ...]:
         """The operating point of each quality; none of a stream without layers."""
-        return self.qualities or ((Quality(self.level),) * self.layer_count if self.layer_count > 1 else ())
+        there = 1 < self.layer_count <= MAX_LAYERS
+        return self.qualities or ((Quality(self.level),) * self.layer_count if there else ())
 
     def limits_of(self, quality: int) -> "Limits":
         """What the frames of a quality must keep; those of a quality above the highest are of the highest."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from gsvc_ref.encoder.log import Decision
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.stream.profiles import AnyCodes, AnyState
 
 OnStage = Callable[[str, int, int, float | None], None]

@@ -16,7 +16,8 @@ from gsvc_ref._jit import kernel
 from gsvc_ref.bitstream.coder import Coder
 from gsvc_ref.bitstream.header import SequenceHeader
 from gsvc_ref.main.codes import NO_FIELD, Field, MainCodes
-from gsvc_ref.main.frames import Body, MainState, frame_body
+from gsvc_ref.main.frames import Body, frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.motion import find_motion
 from gsvc_ref.main.state import X_MOST
 from gsvc_ref.paper import FrameType

@@ -15,7 +15,8 @@ from gsvc_ref.bitstream.header import HIGHEST_LEVEL, LONGEST_HEADER, MAIN, MAX_L
 from gsvc_ref.bitstream.rules import broken, kind_of
 from gsvc_ref.bitstream.times import TIMES, read_times, times
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
-from gsvc_ref.main.frames import Body, MainState
+from gsvc_ref.main.frames import Body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers, layer_body, layer_checksum, layer_head, layer_number
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer

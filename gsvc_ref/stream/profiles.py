@@ -14,7 +14,8 @@ from gsvc_ref.bitstream.frames import frame_codes
 from gsvc_ref.bitstream.header import PROFILES, Limits, SequenceHeader
 from gsvc_ref.bitstream.work import rendering_work
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameCodes, FrameType, State, reconstruct
 
 AnyCodes = FrameCodes | MainCodes

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from gsvc_base.checks import door
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState, symbols_of
+from gsvc_ref.main.frames import symbols_of
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
 from gsvc_ref.stream.decoder import decode

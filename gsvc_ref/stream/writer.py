@@ -24,7 +24,7 @@ from gsvc_ref.bitstream.header import (
     sequence_header,
 )
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers, layer_body, layer_checksum, layer_head, layer_number
 from gsvc_ref.paper import FrameType
 from gsvc_ref.stream.decoded import DecodedFrame, DecodedLayer

@@ -16,7 +16,8 @@ from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, header_elements
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import NO_FIELD, SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
-from gsvc_ref.main.frames import MainState, code_run
+from gsvc_ref.main.frames import code_run
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import QUANTIZERS

@@ -22,7 +22,7 @@ from gsvc_ref.encoder.effects import EFFECT_NAMES
 from gsvc_ref.encoder.encoded_frame import EncodedFrame, EncodedLayer
 from gsvc_ref.encoder.log import MAX_STEPS, Decision
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.stream import DecodedFrame, StreamReader, StreamWriter
 from gsvc_ref.stream.chunk_decoder import ChunkDecoder
 from gsvc_ref.stream.source import Source

@@ -28,7 +28,7 @@ from gsvc_ref.encoder.settings import MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.main.codes import SIDES, IntraCodes, MainCodes, modes_of
 from gsvc_ref.main.densities import LARGEST_MAGNITUDE
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.motion import field_motion
 from gsvc_ref.main.state import N_MOST
 from gsvc_ref.main.tables import QUANTIZERS, step_of

@@ -21,7 +21,8 @@ from gsvc_ref.bitstream.frames import splat_block
 from gsvc_ref.bitstream.planes import plane
 from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import Densities, Density
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import Kept, SplatBlock
 from gsvc_ref.stream import StreamReader
 from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, split_chunks, write_stream

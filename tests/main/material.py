@@ -12,7 +12,7 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.header import MAIN
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.stream import reconstruct_stream
 from gsvc_ref.testing import join_chunks, split_chunks, write_stream
 from gsvc_ref.testing.choices import SeededChoices

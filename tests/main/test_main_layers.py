@@ -18,7 +18,7 @@ from gsvc_ref.bitstream.coder import MAIN_CATEGORIES
 from gsvc_ref.bitstream.header import LEVELS, MAIN, MAX_LAYERS
 from gsvc_ref.cli.damage import Gaps
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers
 from gsvc_ref.main.motion import field_motion
 from gsvc_ref.stream import DecodedFrame, Gap, StreamReader, StreamWriter

@@ -160,7 +160,7 @@ def test_overview_stream_byte_by_byte() -> None:
     """The bytes that an implementer can check by hand: I at (6, 4.5), P moved by (1, -0.75), R."""
     data = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
     assert data.hex(" ") == (
-        "89 47 53 56 43 0d 0a 1a 81 00 "
+        "89 47 53 56 43 0d 0a 1a 82 00 "
         "48 24 00 01 00 10 00 0c 00 19 00 00 00 01 00 00 00 00 00 00 00 03 00 00 00 "
         "08 01 01 01 01 01 00 06 01 01 00 0e 01 0c bc 8d 86 "
         "49 30 00 01 f8 2d 00 00 00 2d 00 00 00 "

@@ -19,7 +19,8 @@ from gsvc_ref.bitstream.header import MAX_LAYERS
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.densities import PLANES, SLOPED
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
 

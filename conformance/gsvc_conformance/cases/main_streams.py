@@ -14,7 +14,8 @@ from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import PLANES, Densities, Density
-from gsvc_ref.main.frames import MainState, code_run
+from gsvc_ref.main.frames import code_run
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameType
 from gsvc_ref.testing import write_stream
 from gsvc_ref.testing.random_main_streams import Kind, RandomRun

@@ -49,7 +49,8 @@ from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.encoder.watched import watched_objectives
 from gsvc_ref.main.codes import REMOVED, SIDES, MainCodes
 from gsvc_ref.main.codes import Field as Motion
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import carried
 from gsvc_ref.main.tables import QUANTIZERS, step_of
 from gsvc_ref.metrics import psnr

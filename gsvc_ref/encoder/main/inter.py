@@ -29,7 +29,7 @@ from gsvc_ref.encoder.main.settings import InterSettings
 from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS
 from gsvc_ref.main.cells import cell_order
 from gsvc_ref.main.codes import GROUPS, SIDES, IntraCodes, MainCodes, modes_of
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.motion import field_motion
 from gsvc_ref.main.reconstruct import add_differences, intra_state
 from gsvc_ref.main.state import parameters_of

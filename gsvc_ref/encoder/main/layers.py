@@ -22,7 +22,7 @@ from gsvc_ref.encoder.main.joint import encode_joint, joint_evaluations
 from gsvc_ref.encoder.settings import MainSettings
 from gsvc_ref.encoder.stages import StageSeconds
 from gsvc_ref.main.codes import MainCodes
-from gsvc_ref.main.frames import MainState
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameType
 
 

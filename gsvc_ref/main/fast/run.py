@@ -1,7 +1,7 @@
 """The run of a frame in one kernel: pass after pass of both its parts, then the late bits (spec.md section 15.6)."""
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -27,13 +27,11 @@ from gsvc_ref.main.fast.predicted import (
     read_predicted_late,
     read_predicted_pass,
 )
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.models import Models, model_distributions
 from gsvc_ref.main.motion import field_shape
 from gsvc_ref.main.passes import PREDICTED_PASSES, Distributions
 from gsvc_ref.main.tables import step_of
-
-if TYPE_CHECKING:
-    from gsvc_ref.main.frames import MainState
 
 MISSING: Final = -1
 LEFT: Final = -2
@@ -59,7 +57,7 @@ class ReadRun(NamedTuple):
     codes: MainCodes
 
 
-def read_run(lanes: Lanes, before: "MainState", codes: MainCodes, count: int) -> ReadRun:
+def read_run(lanes: Lanes, before: MainState, codes: MainCodes, count: int) -> ReadRun:
     """The run of a frame with `count` new splats, and `codes` in front of it, after the state `before`.
 
     A RunError says that it is none.

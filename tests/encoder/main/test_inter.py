@@ -20,7 +20,8 @@ from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import REMOVED, MainCodes
 from gsvc_ref.main.densities import PLANES, Densities, Density
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.models import Models
 from gsvc_ref.main.reconstruct import add_differences, intra_state
 from gsvc_ref.main.state import parameters_of, to_splats

@@ -18,7 +18,8 @@ from gsvc_ref.encoder.main.target import Target
 from gsvc_ref.main.cells import cell_order, halving_count
 from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import PLANES, Densities
-from gsvc_ref.main.frames import MainState, frame_body
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.reconstruct import colors_of, intra_state, place_bits
 from gsvc_ref.main.state import S_MOST, classes, parameters_of, to_splats
 from gsvc_ref.main.tables import step_of
