@@ -144,10 +144,10 @@ def test_a_fault_of_the_progress_keeps_the_frames_before(tmp_path):
 
 
 def test_a_frame_beyond_the_level_keeps_the_frames_before(tmp_path, monkeypatch):
-    def refuse(self, codes, state=None, *, write=StreamWriter.write_frame):
+    def refuse(self, codes, state=None, layers=None, *, write=StreamWriter.write_frame):
         if self.frame_count == 3:
             raise UsageError("rendering frame 3 takes too many pairs (R-5-4)")
-        return write(self, codes, state)
+        return write(self, codes, state, layers)
 
     monkeypatch.setattr(StreamWriter, "write_frame", refuse)
     with pytest.raises(IncompleteEncodeError, match=r"invalid: rendering frame 3 .* saved: 3 complete frames"):

@@ -493,10 +493,10 @@ def test_what_the_user_has_in_the_folder_stays(kept):
 
 
 def test_a_frame_beyond_the_level_is_not_kept(monkeypatch, tmp_path):
-    def refuse(self, codes, state=None, *, write=StreamWriter.write_frame):
+    def refuse(self, codes, state=None, layers=None, *, write=StreamWriter.write_frame):
         if codes.type == "P":
             raise UsageError("rendering frame 1 takes too many pairs (R-5-4)")
-        return write(self, codes, state)
+        return write(self, codes, state, layers)
 
     monkeypatch.setattr(StreamWriter, "write_frame", refuse)
     with pytest.raises(IncompleteEncodeError, match="saved: 1 complete frame"):

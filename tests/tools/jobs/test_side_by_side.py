@@ -262,10 +262,10 @@ def test_a_target_that_fails_is_its_own_error():
 def test_a_frame_beyond_the_level_keeps_the_frames_before(monkeypatch):
     whole = encoded(CLIP[:3], fast(key_frames=2))[1]
 
-    def refuse(self, codes, state=None, *, write=StreamWriter.write_frame):
+    def refuse(self, codes, state=None, layers=None, *, write=StreamWriter.write_frame):
         if self.frame_count == 3:
             raise UsageError("rendering frame 3 takes too many pairs (R-5-4)")
-        return write(self, codes, state)
+        return write(self, codes, state, layers)
 
     monkeypatch.setattr(StreamWriter, "write_frame", refuse)
     file = io.BytesIO()
