@@ -157,7 +157,7 @@ def scale_parameters(
     Raises
     ------
     UsageError
-        The parameters are no splats.
+        The parameters do not describe splats.
     """
     splats = Splats.of(parameters)
     a, e = np.float32(new_width) / np.float32(width), np.float32(new_height) / np.float32(height)
@@ -193,7 +193,7 @@ def scale_parameters_filtered(
     Raises
     ------
     UsageError
-        The parameters are no splats.
+        The parameters do not describe splats.
     """
     splats = Splats.of(parameters)
     a, e = new_width / width, new_height / height

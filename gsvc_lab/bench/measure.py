@@ -146,7 +146,7 @@ def gsvc_point(clip: PlanarClip, settings: gsvc_ref.Settings, folder: Path) -> t
     path = folder / "clip.gsvc"
     start, cpu = time.perf_counter(), time.process_time()
     report = gsvc_ref.encode((clip.frames(), clip.format), path, settings)
-    if report.interrupted:  # a file of the frames so far, which is no point
+    if report.interrupted:  # the file has only the frames so far, so it is not a point of the curve
         raise KeyboardInterrupt
     encoding, cpu = time.perf_counter() - start, time.process_time() - cpu
     start = time.perf_counter()

@@ -79,7 +79,7 @@ def measured(clip: PlanarClip, run: Run, folder: Path) -> tuple[Curve, list[Laye
     def encoded(**settings: object) -> EncodeReport:
         settings["threads"] = run.threads
         report = gsvc_ref.encode((clip.frames(), clip.format), folder / "clip.gsvc", MAIN.settings(**settings))
-        if report.interrupted:  # a file of the frames so far, which is no point
+        if report.interrupted:  # the file has only the frames so far, so it is not a point of the curve
             raise KeyboardInterrupt
         return report
 

@@ -175,7 +175,7 @@ def parameter_checksum(parameters: Splats | ArrayLike) -> int:
     Raises
     ------
     UsageError
-        The parameters are no splats.
+        The parameters do not describe splats.
     """
     splats, checksum = Splats.of(parameters), 0
     for part in (splats.positions, splats.cholesky, splats.colors):

@@ -53,7 +53,7 @@ def rendering_work(parameters: Splats | ArrayLike, width: int, height: int) -> i
     Raises
     ------
     UsageError
-        The parameters are no splats.
+        The parameters do not describe splats.
     """
     splats = Splats.of(parameters)
     with np.errstate(invalid="ignore"):  # infinity minus infinity, of which a kernel that is not compiled would warn

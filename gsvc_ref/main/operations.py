@@ -88,7 +88,7 @@ def window_frequencies(centre: int, step: int, density_family: int, scale_code: 
     Raises
     ------
     UsageError
-        There is no such family, or the step is below 1.
+        The family is unknown, or the step is below 1.
     """
     if density_family not in (0, 1) or step < 1:
         raise UsageError(f"density_family is {density_family!r} and step {step}; they must be 0 or 1, and at least 1")

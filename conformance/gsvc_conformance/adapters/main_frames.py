@@ -42,7 +42,7 @@ from gsvc_conformance.adapters.main_tables import ALPHAS, step_of
 
 MAX_LANES: Final = 4096
 GROUP: Final = 32
-"""Lanes of a group, which has words of its own."""
+"""Lanes that share one list of words."""
 TAKEN: Final = MAX_LANES
 ENDS: Final = TAKEN + MAX_LANES // GROUP
 SLOTS: Final = ENDS + MAX_LANES // GROUP
