@@ -78,6 +78,4 @@ def _read(frames: list[tuple[FrameType, int]], lines: list[str]) -> str:
         return "align()"
     target = _TARGET.search(lines[number - 1])
     name = target[1] if target else ""
-    if name == "count":  # of the body of a frame of profile `main`
-        return "splat_count" if frame.f_locals["frame_type"] == "I" else "new_splat_count"
     return PARTS.get(name, name)

@@ -12,7 +12,7 @@ from gsvc_base.arrays import I8
 from gsvc_base.draws import Draws
 from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, header_elements
+from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, MAX_LAYERS, Quality, header_elements
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import NO_FIELD, SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
@@ -112,13 +112,18 @@ def make_main_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:
     common = {
         name: value for name, value in paper.elements.items() if name in header_elements(MAIN) and name != "flags"
     }
-    own = {
+    layer_count = choices.integer(1, MAX_LAYERS)
+    own: dict[str, Any] = {
         "profile": MAIN,
         "max_lane_exponent": choices.integer(0, choices.pick((1, LANE_EXPONENTS[paper.level]))),
-        "layer_count": choices.integer(1, 4),
+        "layer_count": layer_count,
+        "parameter_checksum_flag": paper.parameter_checksum_flag,
     }
-    checksums: dict[str, Any] = {"parameter_checksum_flag": paper.parameter_checksum_flag}
-    return SequenceHeader(**common | own | checksums)
+    if layer_count > 1 and choices.boolean():
+        greatest = choices.integer(0, layer_count - 1)
+        levels = [paper.level if at == greatest else choices.integer(1, paper.level) for at in range(layer_count)]
+        own["qualities"] = tuple(Quality(level, choices.integer(0, 3)) for level in levels)
+    return SequenceHeader(**common | own)
 
 
 def make_main_frame(

@@ -23,9 +23,11 @@ def sixty():
     return [stream_of(0, number) for number in range(60)]
 
 
-OF_MAIN = {name for name in ELEMENTS if name.endswith(" (frame_body)")} | {
-    "layer_count", "quantizer", "lane_exponent", "motion_cell", "densities_present", "frame_reserved",
-    "density_family", "scale_code", "centre", "slope", "halving_code", "layer", "layer_type",
+OF_MAIN = {
+    "max_lane_exponent", "layer_count", "main_tools", "quality_level", "quality_halvings", "quality_reserved",
+    "layer_mask", "lane_exponent", "motion_cell", "quantizer_present (frame_body)", "new_present", "quantizer",
+    "splat_number", "lane_state (run)", "word_count (run)", "word (run)", "raw_byte", "density_family", "scale_code",
+    "centre", "slope", "halving_code", "layer", "layer_type", "frame_low",
 }  # fmt: skip
 """Elements of profile `main` alone."""
 
@@ -45,7 +47,7 @@ def test_sixty_streams_of_profile_main_use_every_element():
     found = all_values(sixty)
 
     def note(element):
-        if element.name in ("layer", "layer_type"):
+        if element.name in ("layer", "layer_type", "frame_low"):
             found.setdefault(element.name, set()).add(element.value)
 
     for stream in sixty:
@@ -54,7 +56,8 @@ def test_sixty_streams_of_profile_main_use_every_element():
     assert found["profile"] == {1}
     assert found["layer_count"] == {1, 2, 3, 4}
     assert found["layer"] == {1, 2, 3}
-    assert found["layer_type"] == set(b"IPR")
+    assert found["layer_type"] == {0, 1, 2}
+    assert found["frame_low"] >= {0, 1, 2, 3, 4}
     assert set(b"HIPRnxE") <= found["chunk_type"]
     assert found["motion_cell"] == {0, 1, 2, 3}
     assert found["lane_exponent"] >= set(range(6))  # 6 takes a lane_count of 64, which few have
@@ -64,7 +67,9 @@ def test_sixty_streams_of_profile_main_use_every_element():
     assert found["quantizer"] <= set(range(80))
     for name, ends in {"centre": (0, 1023), "slope": (0, 255)}.items():
         assert (min(found[name]), max(found[name])) == ends
-    assert found["density_family"] == found["densities_present"] == {0, 1}
+    for flag in ("density_family", "quantizer_present (frame_body)", "new_present"):
+        assert found[flag] == {0, 1}
+    assert found["quality_halvings"] == {0, 1, 2, 3}
 
 
 def test_sixty_streams_use_every_element(sixty):

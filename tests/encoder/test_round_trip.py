@@ -74,7 +74,7 @@ def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, setti
     taken = []
 
     class Checking(StreamWriter):
-        def write_frame(self, codes, state=None):
+        def write_frame(self, codes, state=None, layers=None):
             again = reconstruct(codes, self.state)
             assert (state.width, state.height) == (again.width, again.height)
             assert state.splats.tobytes() == again.splats.tobytes()
@@ -82,7 +82,7 @@ def test_the_writer_takes_the_state_that_it_would_reconstruct(monkeypatch, setti
                 assert state.kept(kind).quantizer is again.kept(kind).quantizer
                 assert state.kept(kind).codebooks is again.kept(kind).codebooks
             taken.append(codes.type)
-            decoded = super().write_frame(codes, state)
+            decoded = super().write_frame(codes, state, layers)
             assert self.state is state
             return decoded
 

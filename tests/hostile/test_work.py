@@ -22,7 +22,7 @@ from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.rans import decode_kernel
 from gsvc_ref.bitstream.work import rendering_work
-from gsvc_ref.main import frames as main_state
+from gsvc_ref.main import kept_state as main_state
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.rendering import SequenceRenderer

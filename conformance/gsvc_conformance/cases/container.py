@@ -143,7 +143,7 @@ def frame_count(value: int) -> Inputs:
 
 @on("core", *STREAM, flags=["unknown"], rules=["R-6.2-1", "R-6.2-5"])
 def ancillary_chunks() -> Inputs:
-    """Chunks of unknown lower-case types stand wherever they may: a decoder skips them."""
+    """Chunks of unknown lower-case types may be anywhere: a decoder skips them."""
     data = stream_of(sequence())
     like_a_frame = b"p", b"\x07\0" + UUID[2:]
     extra = [(b"a", b""), (b"z", bytes(range(200))), (b"i", b"\0"), like_a_frame, (b"h", b"?"), (b"e", bytes(8))]

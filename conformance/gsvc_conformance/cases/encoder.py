@@ -215,7 +215,7 @@ def encoded_clip(value: Clip) -> Inputs:
 
 
 def _reference_words(clip: Clip) -> str:
-    """What gsvc_ref gives, in words, behind what the clip is there for."""
+    """What gsvc_ref gives, in words, after what the clip is there for."""
     reason = (clip.draw.__doc__ or "").partition("\n")[2]
     quality = "equal to the source" if clip.reference == np.inf else f"{clip.reference:.2f} dB or more"
     return f"{inspect.cleandoc(reason)} gsvc_ref 0.1.0 has {quality} in each frame with {clip.splats} splats.".lstrip()

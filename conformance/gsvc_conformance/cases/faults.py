@@ -102,12 +102,12 @@ def with_payload(number: int, edit: Callable[[bytes], bytes]) -> bytes:
 
 
 def with_chunk(chunk_type: bytes, payload: bytes = b"") -> bytes:
-    """The overview stream without index, with one more chunk behind its I-frame."""
+    """The overview stream without index, with one more chunk after its I-frame."""
     return operated(lambda c: [*c[:2], (chunk_type, payload), *c[2:]])
 
 
 def end_of(frame_count: int, index: bytes | None = None) -> tuple[bytes, bytes]:
-    """An end chunk, behind an index of this payload, or behind none."""
+    """An end chunk, after an index of this payload, or after none."""
     length = 0 if index is None else 1 + len(encode_uv(len(index))) + len(index) + CRC_SIZE
     return b"E", frame_count.to_bytes(4, "little") + length.to_bytes(4, "little")
 
@@ -164,7 +164,7 @@ def value_of(data: bytes, name: str) -> Any:
 
 
 def room_behind(data: bytes, name: str) -> int:
-    """The bytes left in the payload behind the first element of a name in a legal stream."""
+    """The bytes left in the payload after the first element of a name in a legal stream."""
     elements = elements_of(data)
     element = next(e for e in elements if e.name.endswith(name))
     end = min(e.bit for e in elements if e.name == "chunk_crc" and e.bit > element.bit)

@@ -227,7 +227,7 @@ def _end_and_index() -> Iterator[Broken]:
                  "the index stands directly before the end", _chunk_after_index, 3)  # fmt: skip
     yield Broken("R-6.7-1", "invalid", "at_itself", "an index entry has the offset of the index",
                  "offsets lie before it", _at_the_index, 3)  # fmt: skip
-    yield Broken("R-6.7-1", "invalid", "in_the_middle", "an index between frames has an entry behind itself",
+    yield Broken("R-6.7-1", "invalid", "in_the_middle", "an index between frames has an entry after itself",
                  "it is checked wherever it stands, and used nowhere",
                  lambda: with_chunk(b"x", b"\1\0" + encode_uv(5000)), 1)  # fmt: skip
     for what, row, column, said in (("number_again", 1, 0, 0), ("offset_again", 1, 1, 0), ("beyond_itself", 1, 1, 2000),

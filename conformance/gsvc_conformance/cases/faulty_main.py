@@ -20,7 +20,7 @@ PLANS: Final = (Plan("I", 9, lane_exponent=1), Plan("P", 2, lane_exponent=2, mot
                 Plan("P", motion_cell=1))  # fmt: skip
 """The frames of most streams."""
 EMPTY: Final = (Plan("I"), Plan("P", 3), Plan("P", 2, own=False))
-"""A P-frame with new splats and densities, behind an I-frame without splats."""
+"""A P-frame with new splats and densities, after an I-frame without splats."""
 
 
 def streams(plans: tuple[Plan, ...], *lies: Lie, **header: Any) -> bytes:
@@ -87,7 +87,7 @@ ELEMENTS: Final[tuple[tuple[str, str, str, str, Lie, int], ...]] = (
      Lie("raw_byte", lambda data: b"\0" + data), 0),
     ("R-7-1", "raw_byte_too_few", "the last byte of the raw string is missing", "its values need it",
      Lie("raw_byte", lambda data: data[1:]), 0),
-    ("R-7-1", "raw_bits_left", "a bit behind the last raw one is 1", "what is left of its byte is 0",
+    ("R-7-1", "raw_bits_left", "a bit after the last raw one is 1", "what is left of its byte is 0",
      Lie("raw_byte", lambda data: bytes([data[0] | 0x80]) + data[1:]), 0),
     ("R-6.4-1", "main_frame_number", "the second frame has the number 2", "it is 1", Lie("frame_number", 2, 1), 1),
     ("R-3.2-1", "layer_count_0", "layer_count is 0", "1 to 4", Lie("layer_count", 0), 0),
@@ -129,9 +129,9 @@ def main_faults() -> Iterator[Broken]:
     yield Broken("R-7-1", "malformed", "late_lane_of_17_bits", "lane 10 ends at 2^17 or more, with late bits",
                  "it must be below", _late_lane, 1, ("R-15.6-2",))  # fmt: skip
     yield Broken("R-15.5-2", kind_of("R-15.5-2"), "field_behind_nothing",
-                 "a P-frame behind a frame without splats has a motion field", "there is nothing that moves",
+                 "a P-frame after a frame without splats has a motion field", "there is nothing that moves",
                  partial(streams, EMPTY, Lie("motion_cell", 3, 1)), 1)  # fmt: skip
-    yield Broken("R-3.1-4", kind_of("R-3.1-4"), "behind_densities", "a bit behind densities() is 1",
+    yield Broken("R-3.1-4", kind_of("R-3.1-4"), "behind_densities", "a bit after densities() is 1",
                  "align() skips zeros", partial(streams, PLANS, Lie("align", 1), width=70))  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "no_densities_yet",
                  "new splats, and no frame since the I-frame has densities", "they need some",
@@ -174,6 +174,6 @@ def _cut(data: bytes, size: int) -> bytes:
 
 
 def _one_column_more() -> bytes:
-    """Boxes that end just behind a column of pixels, by states alone (5-2)."""
+    """Boxes that end just after a column of pixels, by states alone (5-2)."""
     header = replace(MAIN_HEADER, level=2, width=1024, height=128)
     return write_stream(header, [crowd(header, (239, 0), 1899, 64)], lies=[Lie("level", 1)])

@@ -14,7 +14,7 @@ from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import Lie, write_stream
 
 FIRST_OFFSET: Final = 52
-"""Where the first chunk behind the header begins in the overview, in bytes."""
+"""Where the first chunk after the header begins in the overview, in bytes."""
 
 NUMBERS: Final = (
     ("splat_count", 0, 1, 0), ("new_splat_count", 0, 0, 1), ("frame_number", 1, 1, 1), ("chunk_length", 1, 48, 0),
@@ -82,7 +82,7 @@ def _descriptors() -> Iterator[Broken]:
     yield from each_of("R-3.1-3", "malformed", "there are at most 16", codes, rich)
     skipped = {"constant": ("a bit that align() skips is 1", (Lie("align", 1),))}
     yield from each_of("R-3.1-4", "invalid", "skipped bits are 0", skipped, overview)
-    yield Broken("R-3.1-4", "invalid", "behind_a_raw_plane", "a bit skipped behind the symbols of a raw plane is 1",
+    yield Broken("R-3.1-4", "invalid", "behind_a_raw_plane", "a bit skipped after the symbols of a raw plane is 1",
                  "skipped bits are 0", lambda: _raw(Lie("color_index[1].align", 1)))  # fmt: skip
     yield from each_of("R-3.1-4", "invalid", "skipped bits are 0",
                      {"in_a_coded_plane": ("a bit skipped after a table is 1", (Lie("align", 1, 5),))},

@@ -219,7 +219,7 @@ def _longer_end() -> bytes:
 
 
 def _states_that_do_not_fit() -> bytes:
-    """An I-frame whose last plane is coded, by two lanes, and ends behind five bytes of their states."""
+    """An I-frame whose last plane is coded, by two lanes, and ends after five bytes of their states."""
     intra = rich_frames()[0].intra
     assert intra is not None
     assert intra.colors is not None

@@ -162,7 +162,7 @@ def beyond_black_and_white() -> Inputs:
 
 @case("core", "render_frame", flags=["channel-order", "transposed", "pixel-centre"])
 def where_and_which() -> Inputs:
-    """Three splats in three corners of a frame that is no square, in three colours."""
+    """Three splats in three corners of a frame that is not square, in three colours."""
     places = [(2.5, 1.5, (1.0, 0.25, 0.0)), (16.5, 1.5, (0.0, 1.0, 0.25)), (2.5, 8.5, (0.25, 0.0, 1.0))]
     parameters = splats(*(splat(x, y, 0.9, 0.2, 0.8, color) for x, y, color in places))
     expected = yield {"parameters": parameters, "width": 19, "height": 11, "bit_depth": 8}

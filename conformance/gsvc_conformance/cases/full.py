@@ -64,7 +64,7 @@ def more_than_65536_splats() -> Inputs:
 
 @case(FULL, "reconstruct_stream", flags=["limit"], rules=["R-5-3"])
 def payload_as_long_as_allowed() -> Inputs:
-    """An ancillary chunk of 2^20 bytes, the most that level 1 allows, behind the first frame."""
+    """An ancillary chunk of 2^20 bytes, the most that level 1 allows, after the first frame."""
     extra = b"q", UUID.ljust(LEVELS[1].payload, b"\0")
     expected = yield {"stream": operated(lambda chunks: [*chunks[:2], extra, *chunks[2:]])}
     assert len(expected["counts"].value) == 3

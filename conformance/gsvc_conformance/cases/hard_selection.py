@@ -8,7 +8,7 @@ from gsvc_conformance.cases.key_frames import PAPER, losses
 
 @case("stress", "select_key_frames", flags=["ties"], each={"11": 11, "40": 40}, said={"11": "11 frames"})
 def equal_differences(value: int) -> Inputs:
-    """All losses are equal, 0.1 from scratch and 1.2 predicted, {key}: nothing stands out.
+    """All losses are equal, 0.1 from scratch and 1.2 predicted, {key}: there is no outlier.
 
     Neither the mean nor the deviation of equal decimal fractions comes out exactly in binary64.
     """
@@ -41,7 +41,7 @@ def cut_on_a_floor_of_billions() -> Inputs:
 
 @case("stress", "select_key_frames", flags=["overflow", "subnormal"], each={"huge": 1e300, "tiny": 2.0**-1074})
 def losses_at_the_ends_of_binary64(value: float) -> Inputs:
-    """Losses so {key} that their squares are no binary64 numbers, with one cut."""
+    """Losses so {key} that their squares do not fit into binary64, with one cut."""
     sequence = losses(40, {20: 30})
     expected = yield {"losses_i": value * sequence["losses_i"], "losses_p": value * sequence["losses_p"], **PAPER}
     assert expected["key_frames"].value.tolist() == [0, 20]

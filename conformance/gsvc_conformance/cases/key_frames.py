@@ -89,7 +89,7 @@ def cut_at_the_last_frame() -> Inputs:
 
 @case("core", "select_key_frames", flags=["factor"])
 def frame_that_is_easier_to_predict() -> Inputs:
-    """A frame far below the mean of its window is no cut; the square of its distance forgets the sign."""
+    """A frame far below the mean of its window is not a cut; the square of its distance forgets the sign."""
     expected = yield {**losses(40, {20: -6}), **PAPER}
     assert expected["key_frames"].value.tolist() == [0]
 
@@ -103,7 +103,7 @@ def all_frames_alike() -> Inputs:
 
 @case("core", "select_key_frames", flags=["window"])
 def difference_and_not_loss() -> Inputs:
-    """A frame that is hard to train from scratch as well is no cut: P is large there, P - I is not."""
+    """A frame that is hard to train from scratch as well is not a cut: P is large there, P - I is not."""
     loss_i = np.full(40, 8.0)
     loss_p = loss_i[1:] + np.resize([0, 0.25, 0.5], 39)
     loss_i[20] += 100
@@ -171,7 +171,7 @@ def other_settings() -> Inputs:
 
 @case("uncommon", "select_key_frames", flags=["window"])
 def window_of_nothing() -> Inputs:
-    """A window of 0: every frame stands alone, and the guard decides."""
+    """A window of 0: no frame has neighbours, and the guard decides."""
     expected = yield {**losses(6, {2: 8, 4: 8.5}), **PAPER, "window": 0}
     assert expected["key_frames"].value.tolist() == [0, 4]
 

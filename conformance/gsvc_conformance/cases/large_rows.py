@@ -294,7 +294,7 @@ def convergence_after_many_iterations() -> Inputs:
 
 @case("stress", "converged", flags=FLAGS)
 def patience_of_many_iterations() -> Inputs:
-    """A patience of 66,000 iterations, which begins anew after the 3,000th."""
+    """A patience of 66,000 iterations, which starts again after the 3,000th."""
     losses = np.ones(ROWS)
     losses[:3000] = 2
     expected = yield {"losses": losses, "patience": 66_000, "tolerance": 0.0}

@@ -61,7 +61,7 @@ def frame(shape: tuple[int, int]) -> dict[str, int]:
 
 @case("stress", "render_sum", flags=FLAGS, each=SHAPES, said=SAID)
 def long_frame(value: tuple[int, int]) -> Inputs:
-    """A frame of {key}, which one splat covers whole; small ones stand on both sides of the borders of blocks."""
+    """A frame of {key}, which one splat covers whole; small ones are on both sides of the borders of blocks."""
     expected = yield {"parameters": over_all(value), **frame(value)}
     total = expected["sum"].value
     assert (total > 0.06).all()
@@ -70,14 +70,14 @@ def long_frame(value: tuple[int, int]) -> Inputs:
 
 @case("stress", "render_sum_deterministic", flags=FLAGS, each=SHAPES, said=SAID)
 def long_frame_in_order(value: tuple[int, int]) -> Inputs:
-    """A frame of {key}, which one splat covers whole; small ones stand on both sides of the borders of blocks."""
+    """A frame of {key}, which one splat covers whole; small ones are on both sides of the borders of blocks."""
     expected = yield {"parameters": over_all(value), **frame(value)}
     assert (expected["sum"].value > 0.06).all()
 
 
 @case("stress", "render_frame", flags=FLAGS, each=SHAPES, said=SAID)
 def long_frame_of_8_bits(value: tuple[int, int]) -> Inputs:
-    """A frame of {key}, which one splat covers whole; small ones stand on both sides of the borders of blocks."""
+    """A frame of {key}, which one splat covers whole; small ones are on both sides of the borders of blocks."""
     expected = yield {"parameters": over_all(value), **frame(value), "bit_depth": 8}
     assert expected["frame"].value.min() > 10
 

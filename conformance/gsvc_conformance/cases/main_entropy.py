@@ -77,7 +77,7 @@ def one_symbol() -> Inputs:
 
 @case("core", "encode_run", flags=["empty"])
 def run_without_symbols() -> Inputs:
-    """No symbols: each of 4 lanes is at 2^16, and there is no word and no raw bit."""
+    """No symbols: each of 4 lanes is at 2^16, and there are no words and no raw bits."""
     expected = yield run_of([], 4)
     assert result(expected, "lane_states").tolist() == [MIN_STATE] * 4
     assert len(result(expected, "words")) == len(result(expected, "tail")) == 0
@@ -101,7 +101,7 @@ def certain_symbols() -> Inputs:
 
 @case("core", "encode_run", flags=["lanes"], each={str(lanes): lanes for lanes in (1, 2, 8, 64)})
 def runs_of_lanes(value: int, rng: Draws) -> Inputs:
-    """Three passes of 150, 3 and 70 symbols, lanes: {key}. Each pass begins anew with lane 0."""
+    """Three passes of 150, 3 and 70 symbols, lanes: {key}. Each pass starts with lane 0."""
     lanes = np.concatenate([np.arange(count) % value for count in (150, 3, 70)])
     yield from encoded(run_of(random_symbols(rng, len(lanes)), value, lanes))
 
@@ -127,7 +127,7 @@ def one_list_of_words(rng: Draws) -> Inputs:
 
 @case("core", "encode_run", flags=["lanes"], each={str(lanes): lanes for lanes in (32, 64, 128)})
 def words_of_groups(value: int, rng: Draws) -> Inputs:
-    """400 rare symbols, lanes: {key}; each 32 lanes are a group, whose words stand together."""
+    """400 rare symbols, lanes: {key}; every 32 lanes are a group, whose words are stored together."""
     inputs = run_of(random_symbols(rng, 400) // [1, 64] * [1, 1] + [0, 1], value)
     expected = yield from encoded(inputs)
     assert len(result(expected, "word_counts")) == value // 32
@@ -135,7 +135,7 @@ def words_of_groups(value: int, rng: Draws) -> Inputs:
 
 @case("core", "encode_run")
 def early_raw_values(rng: Draws) -> Inputs:
-    """50 early raw values of 0 to 28 bits; the bytes of the string stand from its end on, each bit 0 first."""
+    """50 early raw values of 0 to 28 bits, stored from the end of the payload backwards, bit 0 of each byte first."""
     yield from encoded(run_of(random_symbols(rng, 30), 2, early=random_raw(rng, 50)))
 
 
@@ -240,7 +240,7 @@ def bins_beyond_eight_scales(value: int) -> Inputs:
 
 @case("core", "density_frequencies", flags=["ties"], each=FAMILIES)
 def between_places_of_the_table(value: int) -> Inputs:
-    """Edges at, just before and just behind places of the {key} table: between them it is a line, rounded down."""
+    """Edges at, just before and just after places of the {key} table: between them it is a line, rounded down."""
     steps = np.array([step * 16 + shift for step in range(-100, 101, 9) for shift in (-1, 0, 1, 7)])
     expected = yield density(2 * steps, 0, value, 0, 4)
     assert (np.diff(result(expected, "cumulative")) >= 1).all()
@@ -297,6 +297,17 @@ def widest_windows(value: int) -> Inputs:
     """scale_code {key} with a step of 1: 16 scales are tens of thousands of codes, of which 7 bits are raw."""
     expected = yield window(511 * 64, 1, 1, value)
     assert result(expected, "low_bits") == 7
+
+
+@case("stress", "window_frequencies", flags=["overflow"],
+      each={f"{end}_{size}": (centre, scale_code) for size, scale_code in (("narrow", 0), ("wide", 31))
+            for end, centre in (("least", 1 - 2**16), ("greatest", 2**16 - 1))})  # fmt: skip
+def farthest_windows(value: tuple[int, int]) -> Inputs:
+    """The {key} window: the outermost centre with the coarsest step, and the smallest or largest scale."""
+    centre, scale_code = value
+    expected = yield window(centre, 2048, 1, scale_code)
+    assert len(result(expected, "cumulative")) >= 2
+    assert result(expected, "cumulative")[-1] == TOTAL
 
 
 # --- Halves ----------------------------------------------------------------------------------------------------------
@@ -471,7 +482,7 @@ def counts_round_down() -> Inputs:
 
 @case("core", "adapt_model", each={name: name for name in STARTS})
 def models_behind_a_frame(value: str, rng: Draws) -> Inputs:
-    """The model `{key}` behind the first P-frame; some contexts were not used."""
+    """The model `{key}` after the first P-frame; some contexts were not used."""
     counts = STARTS[value]
     seen = rng.integers(0, 40, counts.shape) * (np.arange(len(counts)) % 3 != 1)[:, None]
     expected = yield {"counts": counts, "seen": seen}
@@ -544,7 +555,7 @@ def four_neighbours() -> Inputs:
 
 @case("core", "mode_contexts")
 def greatest_of_the_neighbours() -> Inputs:
-    """Neighbours that differ by 2 each are no unrest: the greatest counts, not the sum."""
+    """Neighbours that differ by 2 each are not unrest: the greatest counts, not the sum."""
     vectors = ints([[[0, 0], [2, 0], [0, 0]], [[0, 2], [0, 0], [2, 0]], [[0, 0], [0, 2], [0, 0]]])
     rows = state({"X": 256 * 24, "Y": 256 * 24})
     expected = yield contexts(rows, [0], None, vectors, 3, width=48, height=48)

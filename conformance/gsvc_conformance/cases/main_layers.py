@@ -9,6 +9,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Fault, Inputs, add, case
+from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import operated, result
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd, frame_of
 from gsvc_ref.bitstream import SequenceHeader
@@ -35,7 +36,7 @@ class LayerPlan:
     Attributes
     ----------
     frame
-        The number of the frame behind which it stands; -1: behind the header.
+        The number of the frame that it follows; -1: it follows the header.
     layer
         The layer.
     plan
@@ -59,7 +60,7 @@ def with_layers(
     lost: Iterable[tuple[int, int]] = (),
     **header: Any,
 ) -> bytes:
-    """A stream of frames with chunks `n` behind them; `layers` by frame and layer.
+    """A stream of frames with chunks `n` after them; `layers` by frame and layer.
 
     Masks name the layers that follow, but for those frames that `masks` has another one of. The chunks of the pairs of
     frame and layer in `lost` are left out then.
@@ -118,7 +119,7 @@ def _initial(header: SequenceHeader) -> MainState:
 def _frame(
     header: SequenceHeader, plan: Plan | MainCodes, state: MainState, rng: Draws
 ) -> tuple[MainCodes, bytes, MainState]:
-    """The codes of a frame behind a state, its body, and the state behind it."""
+    """The codes of a frame after a state, its body, and the state after it."""
     codes = frame_of(header, plan, state, rng)[0] if isinstance(plan, Plan) else plan
     if codes.type == "R":
         return codes, b"", state
@@ -142,7 +143,7 @@ LAYERS: Final = (
 
 @case("core", "reconstruct_layers", each={str(layer): layer for layer in range(4)})
 def quality(value: int) -> Inputs:
-    """A stream of a base and three layers, in quality {key}: splats of layers stand behind those of the base."""
+    """A stream of a base and three layers, in quality {key}: the splats of layers follow those of the base."""
     stream = with_layers(Draws(19), BASE, LAYERS)
     expected = yield {"stream": stream, "layer": value}
     assert result(expected, "error") == ""
@@ -154,7 +155,7 @@ def quality(value: int) -> Inputs:
 
 @case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
 def layers_that_are_carried() -> Inputs:
-    """Without a chunk a layer stays behind R, moves with the base behind P, and is gone behind an I-frame."""
+    """Without a chunk a layer stays after R, moves with the base after P, and is gone after an I-frame."""
     plans = (
         Plan("I", 4),
         Plan("R"),
@@ -201,15 +202,15 @@ def layers_that_inherit(value: int) -> Inputs:
     )
     p = Plan("P", 2, 30, 1, kind="any", own=False)
     layers = [LayerPlan(0, 1, Plan("I", 30, 16)), LayerPlan(0, 2, Plan("I", 9, 16))]
-    for n in (1, 2, 3):  # behind the R-frame there is no field to inherit
+    for n in (1, 2, 3):  # after the R-frame there is no field to inherit
         layers += [LayerPlan(n, 1, p), LayerPlan(n, 2, replace(p, motion_cell=3 - value % 3))]
     expected = yield {"stream": with_layers(Draws(25), base, layers, width=150, height=70), "layer": 2}
     assert result(expected, "error") == ""
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-2"])
+@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=[CAPACITY])
 def layers_carried_and_inheriting_by_turns() -> Inputs:
-    """Three layers over eighteen frames, whose 4 low bits of the frame number begin anew behind frame 15."""
+    """Three layers over eighteen frames, so that the 4 low bits of the frame number start again at 0 after frame 15."""
     plans = Plan("I", 8), *[Plan("P", n % 3, motion_cell=n % 4, kind="any") for n in range(1, 18)]
     layers = [LayerPlan(0, layer, Plan("I", 4 + layer)) for layer in (1, 2, 3)]
     for n in range(1, 18):
@@ -235,7 +236,7 @@ def past_of_a_carried_layer() -> Inputs:
 
 @case("core", "reconstruct_layers", rules=["R-15.13-1"])
 def a_mask_beyond_layer_count() -> Inputs:
-    """Bits of layers that the stream does not have say nothing: an editor that drops layers leaves them."""
+    """Bits of layers that the stream does not have are ignored: an editor that drops layers leaves them."""
     stream = with_layers(
         Draws(27),
         BASE,
@@ -274,7 +275,7 @@ def base_of_layers() -> Inputs:
 
 @case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
 def layer_that_is_repeated() -> Inputs:
-    """`R` of a layer behind an I-frame is no reference, but behind P and R it repeats the splats of the layer."""
+    """`R` of a layer is illegal after an I-frame; after P and R it repeats the splats of the layer."""
     layers = (
         LayerPlan(0, 1, Plan("I", 5)),
         LayerPlan(1, 1, Plan("R")),
@@ -346,7 +347,7 @@ def faults_above_the_quality(value: int) -> Inputs:
 
 @case("core", "reconstruct_layers", rules=["R-6.2-6"])
 def chunk_before_the_first_frame() -> Inputs:
-    """A chunk `n` behind the header is of no frame, so it is skipped, although it has the form of an I of layer 1."""
+    """A chunk `n` after the header is of no frame, so it is skipped, although it has the form of an I of layer 1."""
     layers = LayerPlan(-1, 1, Plan("I", 3)), LayerPlan(1, 1, Plan("I", 5))
     stream = with_layers(Draws(61), BASE, layers)
     expected = yield {"stream": stream, "layer": 1}
@@ -470,10 +471,11 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
+    large: bool = False  # whether a mutant takes a minute
 
 
 LAYER_I: Final = Plan("I", 2)
-MISSING: Final = "layer_mask names a layer without a chunk behind "
+MISSING: Final = "layer_mask names a layer without a chunk after "
 STANDS: Final = "it must stand there"
 FAULTY_LAYERS: Final = {
     "layer_0": FaultyLayer(
@@ -506,7 +508,7 @@ FAULTY_LAYERS: Final = {
     "not_in_order": FaultyLayer(
         (LayerPlan(0, 3, LAYER_I), LayerPlan(0, 2, LAYER_I)),
         "R-15.13-1",
-        "a chunk of layer 2 stands behind one of layer 3",
+        "a chunk of layer 2 stands after one of layer 3",
         "layers stand in their order",
         quality=1,
     ),
@@ -537,14 +539,14 @@ FAULTY_LAYERS: Final = {
     "frame_low": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I), LayerPlan(1, 1, Plan("R"), lambda p: bytes([p[0] & ~15]))),
         "R-15.13-4",
-        "frame_low behind frame 1 is 0",
+        "frame_low after frame 1 is 0",
         "1",
         complete=2,
     ),
     "frame_low_of_16": FaultyLayer(
         (LayerPlan(16, 1, LAYER_I, lambda p: bytes([p[0] | 15]) + p[1:]),),
         "R-15.13-4",
-        "frame_low behind frame 16 is 15",
+        "frame_low after frame 16 is 15",
         "0",
         (Plan("I", 2), *[Plan("R")] * 17),
         complete=17,
@@ -599,7 +601,7 @@ FAULTY_LAYERS: Final = {
     "p_behind_an_i_frame": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I), LayerPlan(1, 1, Plan("P"))),
         "R-15.13-2",
-        "a layer goes on with P behind an I-frame of the base",
+        "a layer goes on with P after an I-frame of the base",
         "it is gone",
         (Plan("I", 2), Plan("I", 2)),
         complete=2,
@@ -652,6 +654,7 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 16384 together",
         (Plan("I", 2), Plan("P", 3, kind="likely")),
         complete=1,
+        large=True,
     ),
     "work": FaultyLayer(
         (LayerPlan(0, 1, covering(113)), LayerPlan(0, 2, covering(100))),
@@ -766,6 +769,7 @@ for key, entry in FAULTY_LAYERS.items():
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
         rules=[entry.rule],
+        flags=[CAPACITY] if entry.large else [],
         fault=Fault(entry.lie, entry.truth),
         function=faulty_layer,
         arguments={"value": entry},

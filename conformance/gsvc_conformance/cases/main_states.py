@@ -385,7 +385,7 @@ def position_steps_by_class() -> Inputs:
 
 @case("core", "main_inter", flags=["region"])
 def fractions_of_octaves() -> Inputs:
-    """Steps of splats whose A and B are no multiples of an octave: the mantissa is that of A mod 1024, also below 0."""
+    """Steps of splats whose A and B are not whole octaves: the mantissa is that of A mod 1024, also below 0."""
     logs = [-3072, -2049, -2048, -1025, -1024, -513, -512, -1, 0, 1, 511, 512, 1023, 1025, 3000, 6001]
     rows = state(*({"A": a, "B": -a if a > -3000 else 77} if abs(a) < 3073 else {"A": a, "B": 5} for a in logs))
     expected = yield predicted(rows, [q(q0=1, q1=1)] * len(logs))
@@ -441,7 +441,7 @@ def sheared_towards_zero() -> Inputs:
 
 @case("core", "main_inter", flags=["shear"])
 def shear_changes() -> Inputs:
-    """q4 is added to S in steps of 2048 >> j, behind what the aspect makes of it."""
+    """q4 is added to S in steps of 2048 >> j, after what the aspect makes of it."""
     rows = state({"S": 100}, {"S": 100, "n0": color_of_class(4)}, {"S": 100, "n0": color_of_class(4)})
     expected = yield predicted(rows, [q(q4=-1), q(q4=3), q(q3=4, q4=3)])
     S = column(result(expected, "state"), "S")[0]

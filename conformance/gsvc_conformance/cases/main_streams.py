@@ -72,7 +72,7 @@ def codes_of(header: SequenceHeader, plans: Iterable[Plan], rng: Draws) -> list[
 
 
 def frame_of(header: SequenceHeader, plan: Plan, state: MainState, rng: Draws) -> tuple[MainCodes, MainState]:
-    """A frame as planned behind a state, and the state behind it."""
+    """A frame as planned after a state, and the state after it."""
     if plan.type == "R":
         return MainCodes.repeated_frame(), state
     before = MainState.initial(header.width, header.height) if plan.type == "I" else state
@@ -128,7 +128,7 @@ def main_one_splat() -> Inputs:
 
 @on("core", *READ, rules=["R-15.5-3"], flags=["empty"])
 def main_without_splats(rng: Draws) -> Inputs:
-    """Frames I, P and R without a splat: nothing stands behind the counts."""
+    """Frames I, P and R without splats: nothing follows the counts."""
     expected = yield {"stream": main_stream(rng, Plan("I"), Plan("P"), Plan("R"))}
     assert result(expected, "counts").tolist() == [0, 0, 0]
 
@@ -151,7 +151,7 @@ def main_motion_cells(value: int, rng: Draws) -> Inputs:
 
 @on("core", *READ, flags=["kept"])
 def main_quantizer_kept(rng: Draws) -> Inputs:
-    """P-frames without a quantizer have that of the last I- or P-frame, also behind an R-frame."""
+    """P-frames without a quantizer have that of the last I- or P-frame, also after an R-frame."""
     plans = [Plan("I", 12, 30), Plan("P", 3, None, kind="any"), Plan("P", 2, 17, kind="any"), Plan("R"),
              Plan("P", 2, None, kind="any"), Plan("I", 4, 40), Plan("P", 4, None, kind="any")]  # fmt: skip
     expected = yield {"stream": main_stream(rng, *plans)}
@@ -161,15 +161,15 @@ def main_quantizer_kept(rng: Draws) -> Inputs:
 
 @on("core", *READ, flags=["lanes"], each={"32": 5, "64": 6, "256": 8})
 def main_groups_of_lanes(value: int, rng: Draws) -> Inputs:
-    """Passes of up to 3,000 symbols in groups of 32 lanes, lanes: {key}; groups take words from lists of their own."""
-    plans = [Plan("I", 1000, lane_exponent=value), Plan("P", 90, lane_exponent=value, kind="any")]
+    """Passes of up to six symbols a lane in groups of 32 lanes, lanes: {key}; each has its own list of words."""
+    plans = [Plan("I", 2 << value, lane_exponent=value), Plan("P", 90, lane_exponent=value, kind="any")]
     expected = yield {"stream": main_stream(rng, *plans, level=2, max_lane_exponent=8)}
     assert len(result(expected, "counts")) == 2
 
 
 @on("core", *READ)
 def main_late_bits_in_few_lanes(rng: Draws) -> Inputs:
-    """Four lanes and far more late bits than they carry, at any first bit in the string behind the early ones."""
+    """Four lanes and far more late bits than they carry, at any first bit in the string after the early ones."""
     plans = [Plan("I", 21, 8, lane_exponent=2), *[Plan("P", n, 8, lane_exponent=2, kind="any") for n in range(1, 6)]]
     expected = yield {"stream": main_stream(rng, *plans)}
     assert len(result(expected, "counts")) == 6
@@ -217,7 +217,7 @@ def main_densities_behind_an_empty_i_frame(rng: Draws) -> Inputs:
 
 @on("core", *READ, flags=["kept"])
 def main_models_adapt(rng: Draws) -> Inputs:
-    """Models adapt behind each P-frame, not behind R-frames, and begin anew behind an I-frame."""
+    """Models adapt after each P-frame, not after R-frames, and start again after an I-frame."""
     p = Plan("P", motion_cell=3, kind="any")
     plans = [Plan("I", 25), p, p, Plan("R"), p, Plan("I", 25), p, p]
     expected = yield {"stream": main_stream(rng, *plans)}
@@ -226,7 +226,7 @@ def main_models_adapt(rng: Draws) -> Inputs:
 
 @on("core", *READ, flags=["survivors"])
 def main_removed(rng: Draws) -> Inputs:
-    """All splats are removed, the next frame has none, and the one behind it new ones."""
+    """All splats are removed, the next frame has none, and the one after it new ones."""
     state = MainState.initial(43, 29)
     first, state = frame_of(MAIN_HEADER, Plan("I", 5), state, rng)
     gone = MainCodes(type="P", quantizer=24, modes=np.full(5, 8), differences=np.zeros((5, 8), np.int64))

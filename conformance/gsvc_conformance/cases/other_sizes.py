@@ -126,7 +126,7 @@ def not_smaller(value: tuple[int, int, int, int], rng: Draws) -> Inputs:
 
 @case("core", "scale_parameters_filtered", flags=["needle", "cancellation"])
 def needles_to_a_smaller_frame(rng: Draws) -> Inputs:
-    """Thin splats that lie askew, to a frame that is hardly smaller: m22 is no difference of squares.
+    """Thin, tilted splats, scaled to a frame that is hardly smaller: m22 must not be a difference of squares.
 
     A difference of squares in binary32 loses all digits of it.
     """

@@ -118,7 +118,7 @@ def as_much_work_of_a_second_as_allowed() -> Inputs:
 
 @case("core", "reconstruct_stream", flags=["limit", CAPACITY], rules=["R-5-7"])
 def as_many_bytes_of_a_second_as_allowed() -> Inputs:
-    """The second second has 2^20 bytes with the ancillary chunk before it; one behind the last frame counts nowhere."""
+    """The second second has 2^20 bytes with the ancillary chunk before it; one after the last frame is not counted."""
     data = padded(two_seconds(), 2, (2, 3), BYTES)
     expected = yield {"stream": operated(lambda c: [*c[:-1], (b"q", UUID), c[-1]], data)}
     assert len(result(expected, "counts")) == 4

@@ -202,7 +202,7 @@ def many_words(rng: Draws) -> Inputs:
 
 @case("core", "decode_plane", rules=["R-7-1"])
 def no_words() -> Inputs:
-    """A plane that fits into the states: there is no word at all."""
+    """A plane that fits into the states: there are no words."""
     symbols = np.array([0, 1, 0, 0, 0], np.uint16)
     counts = np.array([15, 1])
     assert len(encode_plane(symbols, normalized_frequencies(counts, 12), 12, 1)[1]) == 0

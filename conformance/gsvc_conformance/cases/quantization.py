@@ -67,7 +67,7 @@ def codes_with_a_positive_offset() -> Inputs:
 
 @case("uncommon", "lsq_quantize", flags=["ties"])
 def codes_next_to_ties() -> Inputs:
-    """A scale that is no power of two and values that are products near ties: either code is legal."""
+    """A scale that is not a power of two and values that are products near ties: either code is legal."""
     x = (np.arange(1, 40, 2)[:, None] * np.float32(0.05)).astype(np.float32)
     expected = yield {"x": x, **channels(0.1, 0), "bits": 6}
     assert np.all(expected["codes"].alternative != expected["codes"].value)

@@ -139,10 +139,10 @@ def forged_index(value: tuple[int, int]) -> Inputs:
 
 
 @case("core", "seek", flags=["unknown"], each={"i_frame": (3, 3), "behind": (4, 5), "first_i_frame": (1, 1)},
-      said={"i_frame": "an I-frame", "behind": "frames behind it",
+      said={"i_frame": "an I-frame", "behind": "frames after it",
             "first_i_frame": "a frame of the first group"})  # fmt: skip
 def ancillary_chunks(value: tuple[int, int]) -> Inputs:
-    """Chunks of unknown types stand between all others, and an index in the middle; asked for: {key}."""
+    """There are chunks of unknown types between all others, and an index in the middle; asked for: {key}."""
     first, last = value
     extra: Chunks = [(b"i", b"\0"), (b"z", bytes(300)), (b"x", b"\0"), (b"p", b"")]
     data = edited(lambda c: [c[0], *(part for chunk in c[1:-1] for part in (*extra, chunk)), c[-1]])
@@ -183,10 +183,10 @@ UNSEEN: Final[dict[str, tuple[str, Callable[[], bytes], int, int]]] = {
     "index_before": ("an index before the I-frame breaks R-6.7-1", partial(_broken_index, 2), 4, 4),
     "number_before": ("a frame before the I-frame has a wrong number",
                       lambda: write_stream(HEADER, frames(), lies=[Lie("frame_number", 9, 1)]), 3, 3),
-    "behind": ("the frame behind the last one asked for is damaged", partial(damaged, 6), 3, 4),
+    "behind": ("the frame after the last one asked for is damaged", partial(damaged, 6), 3, 4),
     "end": ("the end chunk is damaged", partial(damaged, 9, stream(index=False)), 6, 7),
     "byte_behind": ("a byte follows the end chunk", lambda: stream() + b"\0", 7, 7),
-    "cut_behind": ("the stream ends behind the last frame asked for", partial(with_head, 6, b""), 3, 5),
+    "cut_behind": ("the stream ends after the last frame asked for", partial(with_head, 6, b""), 3, 5),
     "elements_before": ("a P-frame before the I-frame has one byte as payload, and the right checksum",
                         lambda: edited(lambda c: [*c[:2], (b"P", b"?"), *c[3:]]), 3, 5),
 }  # fmt: skip
@@ -241,7 +241,7 @@ def _lies(*lies: Lie) -> bytes:
 
 
 def _swallowing() -> bytes:
-    """A P-frame whose length takes in the chunk behind it, so that its checksum is found where that of the next is."""
+    """A P-frame whose length takes in the chunk after it, so that its checksum is found where that of the next is."""
     data = stream(index=False)
     chunks = split_chunks(data)
     whole = join_chunks(chunks[2:4], prefix=b"")
@@ -264,7 +264,7 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
                         "it is sound; no earlier one takes its place", partial(damaged, 4), 5, 5, 0),
     "damaged_between": ("malformed R-6.2-2", "a frame between the I-frame and the frame is damaged", "it is sound",
                         partial(damaged, 2), 2, 2, 0),
-    "damaged_ancillary_between": ("malformed R-6.2-2", "an ancillary chunk behind the I-frame is damaged",
+    "damaged_ancillary_between": ("malformed R-6.2-2", "an ancillary chunk after the I-frame is damaged",
                                   "it is sound",
                                   lambda: damaged(3, with_chunk(2, (b"q", b"abc"))), 2, 2, 0),
     "damaged_ancillary_first": ("malformed R-6.2-2",
@@ -287,7 +287,7 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
                            "such types are reserved", partial(with_chunk, 2, (b"B", b"\0")), 5, 5, 0),
     "header_on_the_way": ("invalid R-6.1-3", "a second sequence header stands before the I-frame", "there is one",
                           lambda: edited(lambda c: [*c[:3], c[0], *c[3:]]), 5, 5, 0),
-    "cut_at_a_chunk": ("malformed R-6.2-4", "the stream ends behind a frame before the one asked for",
+    "cut_at_a_chunk": ("malformed R-6.2-4", "the stream ends after a frame before the one asked for",
                        "it has an end chunk",
                        partial(with_head, 4, b""), 5, 5, 0),
     "cut_in_a_length": ("malformed R-6.2-4", "the stream ends in a length", "chunks are complete",
@@ -309,9 +309,9 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
                       lambda: edited(lambda c: [*c[:3], *c[4:]]), 5, 6, 0),
     "frame_twice": ("invalid R-6.4-1", "a frame before the I-frame stands twice", "frames are counted",
                     lambda: edited(lambda c: [*c[:3], *c[2:]]), 5, 5, 0),
-    "frame_swallowed": ("invalid R-6.4-1", "the length of a P-frame takes in the frame behind it", "frames are counted",
+    "frame_swallowed": ("invalid R-6.4-1", "the length of a P-frame takes in the frame after it", "frames are counted",
                         _swallowing, 5, 5, 0),
-    "index_between": ("invalid R-6.7-1", "an index behind the I-frame does not grow", "frame numbers and offsets grow",
+    "index_between": ("invalid R-6.7-1", "an index after the I-frame does not grow", "frame numbers and offsets grow",
                       partial(_broken_index, 4), 4, 5, 0),
     "kept_over_the_i_frame": ("invalid R-6.5-4", "a P-frame uses a quantiser from before the I-frame",
                              "it is forgotten",
@@ -326,7 +326,7 @@ FAULTS: Final[dict[str, tuple[str, str, str, Callable[[], bytes], int, int, int]
                                  "it is sound", partial(damaged, 9, stream(index=False)), 6, 8, 2),
     "frame_count": ("invalid R-6.8-1", "the end chunk says 9 frames, and frame 8 is asked for", "there are 8",
                     lambda: edited(lambda c: [*c[:-1], end_of(9)]), 8, 8, 0),
-    "index_length": ("invalid R-6.8-2", "index_length is 0 behind an index, and frame 8 is asked for", "it is its size",
+    "index_length": ("invalid R-6.8-2", "index_length is 0 after an index, and frame 8 is asked for", "it is its size",
                      lambda: _lies(Lie("index_length", 0)), 8, 8, 0),
     "byte_behind_the_end": ("invalid R-6.1-4", "a byte follows the end chunk, and frame 8 is asked for",
                             "nothing follows",

@@ -200,7 +200,7 @@ def box_of_state(value: tuple[dict[str, int], int]) -> Inputs:
 
 @case("core", "main_work", flags=["limit"])
 def sides_at_a_pixel_edge() -> Inputs:
-    """Sides of boxes on an edge of pixels, 1/256 pixel before it and behind it: E and the box are rounded outwards."""
+    """Sides of boxes on an edge of pixels, 1/256 pixel before it and after it: E and the box are rounded outwards."""
     A = ints(range(-3072, 4097, 512))
     reach = spec.main_reach(A)
     rows = [

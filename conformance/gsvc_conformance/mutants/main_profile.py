@@ -501,7 +501,7 @@ FAULTS: tuple[Mutant, ...] = (
         ("        self.quantizer = None\n", "        self.quantizer = getattr(self, \"quantizer\", 0)\n")),
     mutant(AREA, "field-without-splats-accepted", "a motion field in a frame without a reference accepted",
         ("    if body[\"motion_cell\"] > 0 and len(main.splats) == 0:", "    if False:")),
-    mutant(AREA, "quantizer-80-accepted", "quantizers above 79 accepted", ("        if main.quantizer > 79:", "        if main.quantizer > 255:")),
+    mutant(AREA, "quantizer-80-accepted", "quantizers above 79 accepted", ('        if body["quantizer"] > 79:', '        if body["quantizer"] > 255:')),
     mutant(AREA, "main-tools-ignored", "bits of main_tools ignored", ("(\"main_tools\", 1, 0, 0)", "(\"main_tools\", 1, 0, 255)")),
     mutant(AREA, "densities-of-an-i-frame-optional", "an I-frame without densities taken for one that keeps some",
         ("    if count > 0 and not present and frame_type == \"I\":  # R-15.5-3\n        raise Fault(\"R-15.5-3\", p.element)\n", "")),

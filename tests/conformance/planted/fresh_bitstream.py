@@ -72,7 +72,7 @@ DECODERS = (
     before("bitstream", "planes without their first two bits", "decode_plane", r"(?i)bits|mode|shift|refus|raise|error",
            lambda i: {"data": np.packbits(np.concatenate([np.unpackbits(i["data"])[2:], np.zeros(2, np.uint8)]))}),
     patched("bitstream", "R-frames predicted from the frame before last", STREAM, r"(?i)R-frame|repeat|frame before|last",
-            ('    state.parameters = frame["parameters"] = parameters', '    state.older, state.parameters = state.parameters, parameters\n    frame["parameters"] = parameters'),
+            ("    state.parameters = parameters\n", "    state.older, state.parameters = state.parameters, parameters\n"),
             ('        return state.parameters\n    size', '        return getattr(state, "older", state.parameters)\n    size')),
 )  # fmt: skip
 

@@ -160,10 +160,11 @@ def test_crowding_of_splats_alone_and_in_the_same_place(values: I8) -> None:
 def test_the_field_finds_a_shift_and_none_where_nothing_moves(values: I8) -> None:
     before, shifted = picture(values), values + np.array([600, -300, 0, 0, 0, 0, 0, 0])
     for target, wanted in ((picture(shifted), (9.375, -4.6875)), (before, (0, 0))):
-        reference = to_splats(values).to_array()
+        reference, unmoved = to_splats(values).to_array(), np.zeros((len(values), 2), np.int64)
         for down, right in LATTICES:
             sampled = SampledObjective(target, 1, down=down, right=right)
-            field = best_field(sampled, reference, (before, target), None, FIELD_ONLY, math.sqrt(500 / BIT_PRICE))
+            step = math.sqrt(500 / BIT_PRICE)
+            field = best_field(sampled, reference, unmoved, (before, target), None, FIELD_ONLY, step)
             assert (field.cell > 0) == (wanted != (0, 0))
             assert field.cell == 0 or np.abs(field.vectors - wanted).mean() < 2
 

@@ -323,8 +323,8 @@ def test_an_interrupt_keeps_the_frames_done(monkeypatch, stage):
     is_written, interrupted = threading.Event(), []
     original = StreamWriter.write_frame
 
-    def write(self, codes, state=None):
-        written = original(self, codes, state)
+    def write(self, *parts):
+        written = original(self, *parts)
         is_written.set()
         return written
 
@@ -366,9 +366,9 @@ def test_frames_are_written_while_the_source_waits():
     written: list[int] = []
     original = StreamWriter.write_frame
 
-    def write(self, codes, state=None):
+    def write(self, *parts):
         written.append(self.frame_count)
-        return original(self, codes, state)
+        return original(self, *parts)
 
     with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(2) as threads:
         patch.setattr(StreamWriter, "write_frame", write)
@@ -385,11 +385,11 @@ def test_frames_that_are_read_ahead_are_bounded(monkeypatch, key_frames):
     source, written, ahead = Counting(waves(24, 16, 24)), [], []
     original = StreamWriter.write_frame
 
-    def write(self, codes, state=None):
+    def write(self, *parts):
         ahead.append(source.taken - len(written))
         written.append(1)
         time.sleep(0.01)
-        return original(self, codes, state)
+        return original(self, *parts)
 
     monkeypatch.setattr(StreamWriter, "write_frame", write)
     with ThreadPoolExecutor(1) as threads:
