@@ -11,7 +11,7 @@ from gsvc_conformance import adapters
 PAGE: Final = Path(adapters.__file__).with_name("web") / "operations.html"
 """The page, by its place: importing the adapter needs Playwright, which nothing here does."""
 LAST: Final = "opened.js"
-"""The scripts behind it are about rendering and judging, or need a page."""
+"""The scripts after it are about rendering and judging, or need a page."""
 
 
 def missing() -> str:
@@ -20,7 +20,7 @@ def missing() -> str:
 
 
 def run(code: str, *paths: Path, behind: tuple[str, str] = ("", "")) -> str:
-    """What some code prints behind the scripts of the decoder; `paths` are its arguments, from process.argv[2] on.
+    """What some code prints after the scripts of the decoder; `paths` are its arguments, from process.argv[2] on.
 
     `behind` is the name of a script and other code that comes directly after it.
     """

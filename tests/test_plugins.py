@@ -32,7 +32,7 @@ sys.exit(code)
 
 
 class GreyReader(VideoReader):
-    """Grey frames; their number is the name behind the colon."""
+    """Grey frames; their number is the name after the colon."""
 
     def __init__(self, name):
         super().__init__()

@@ -140,7 +140,7 @@ def test_the_bytes_of_the_tour(splat_of_main):
     assert f"Ours takes {len(chunks[b'I'])} bytes as an I-frame: `{intra[:11]}`" in PLAIN
     assert "18 bytes of densities follow" in PLAIN
     state, raw = intra[3 * (4 + 18) :][:11], intra[3 * (4 + 18 + 4) :]
-    assert f"raw bits behind it: `{state}` and `{raw}`" in PLAIN
+    assert f"raw bits after it: `{state}` and `{raw}`" in PLAIN
     assert f"a state and a raw byte: `{predicted}`" in PLAIN
 
 

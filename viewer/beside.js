@@ -1,5 +1,5 @@
 "use strict";
-// What lies over the picture: the source behind a line that is moved, all of it, or the difference.
+// What lies over the picture: the source on one side of a movable line, all of it, or the difference.
 globalThis.GSVC ??= {};
 
 {

@@ -16,7 +16,7 @@ globalThis.GSVC ??= {};
     return made;
   }
 
-  /** Rows of samples, each behind the number of its filter (0: none); 9 to 16 bits as 16, the first byte first. */
+  /** Rows of samples, each after the number of its filter (0: none); 9 to 16 bits as 16, the first byte first. */
   function rowsOf(frame, width, height, bitDepth) {
     const bytesOfSample = bitDepth === 8 ? 1 : 2;
     const rows = new Uint8Array(height * (1 + 3 * width * bytesOfSample));

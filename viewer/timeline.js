@@ -37,7 +37,7 @@ globalThis.GSVC ??= {};
       });
     }
 
-    /** Frames from now on; how many are missing behind the last one (null: nobody knows), and where they are shown. */
+    /** Frames from now on; how many are missing after the last one (null: nobody knows), and where they are shown. */
     setFrames(frames, missingAtEnd = 0, number = 0) {
       this.frames = frames;
       this.missingAtEnd = missingAtEnd;

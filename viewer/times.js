@@ -59,7 +59,7 @@ globalThis.GSVC ??= {};
   }
 
   /**
-   * The seconds at which the frames of a reading are shown, and behind them that at which the last one ends.
+   * The seconds at which the frames of a reading are shown, and after them that at which the last one ends.
    *
    * null: they are evenly spaced.
    */

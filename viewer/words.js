@@ -5,7 +5,7 @@ globalThis.GSVC ??= {};
 {
   const format = (digits) => new Intl.NumberFormat("en", { maximumFractionDigits: digits });
 
-  /** A number with at most so many digits behind the point. */
+  /** A number with at most so many digits after the point. */
   const number = (value, digits = 0) => format(digits).format(value);
 
   /** Bytes as people say them. */
@@ -27,7 +27,7 @@ globalThis.GSVC ??= {};
     "R-6.2-2": "Bytes were changed: the checksum of a chunk is wrong.",
     "R-6.2-1": "Bytes were changed: where a chunk should begin there is none.",
     "R-6.1-3": "The header is not where it must be.",
-    "R-6.1-4": "There are bytes behind the end of the stream.",
+    "R-6.1-4": "There are bytes after the end of the stream.",
     "R-6.1-5": "The file has no frame.",
     "R-6.3-2": "The number of frames is not the one that the header tells.",
     "R-6.4-1": "A frame is missing, or frames are out of order.",
@@ -43,7 +43,7 @@ globalThis.GSVC ??= {};
     "R-5-9": "A quality takes more than the level that the header tells of it allows.",
     "R-5-11": "The stream may use more lanes than its level allows.",
     "R-15.13-1": "A layer of a frame is out of order, or is none that the frame names.",
-    "R-15.13-2": "A layer does not begin with an I, or goes on behind a gap.",
+    "R-15.13-2": "A layer does not begin with an I, or goes on after a gap.",
     "R-15.13-4": "A layer is that of another frame.",
     "R-15.13-6": "A layer that a frame names is missing.",
     "R-8-1": "A splat has a parameter that is no finite number.",
@@ -70,7 +70,7 @@ globalThis.GSVC ??= {};
 
   const MOST_RUNS = 6; // of missing frames that are listed
 
-  /** The numbers of frames that are missing, behind some words; nothing where none is. */
+  /** The numbers of frames that are missing, after some words; nothing where none is. */
   function missingInWords(frames, missingAtEnd, words = "") {
     const runs = frames.filter((frame) => frame.missing).map(({ number: next, missing }) => [next - missing, next - 1]);
     const next = (frames.at(-1)?.number ?? -1) + 1;
@@ -97,7 +97,7 @@ globalThis.GSVC ??= {};
     const lacking = frames.filter((frame) => frame.lacking.length > 0).length;
     const [whole, is, are] = lacking === 0 ? ["whole ", "is whole and is", "are whole and are"] : ["", "is", "are"];
     const rest = frames.length === 0 ? "No frame can be shown."
-      : behind > 0 ? `The ${number(frames.length)} ${whole}frames are shown, ${number(behind)} of them behind the damage.`
+      : behind > 0 ? `The ${number(frames.length)} ${whole}frames are shown, ${number(behind)} of them after the damage.`
         : before === 1 ? `The frame before it ${is} shown.`
           : `The ${number(before)} frames before it ${are} shown.`;
     const missing = missingInWords(frames, missingAtEnd, "Missing: ");

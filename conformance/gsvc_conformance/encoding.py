@@ -218,14 +218,14 @@ def _wrong_header(header: Mapping[str, int], task: Task) -> str:
 
 
 def _wrong_frame(number: int, frame: DecodedFrame, since: int, task: Task) -> str:
-    """What of a frame that is `since` frames behind an I-frame is not as it was asked for; empty if nothing is."""
+    """What of a frame that is `since` frames after an I-frame is not as it was asked for; empty if nothing is."""
     if number >= len(task.frames):
         return f"has more than {len(task.frames)} frames"
     if len(frame.parameters) > task.splats:
         return f"has {len(frame.parameters)} splats in frame {number}; at most {task.splats} were asked for"
     if task.key_frame_interval and since >= task.key_frame_interval:
-        asked = f"no later than {task.key_frame_interval} frames behind the one before"
-        return f"has no I-frame at frame {number}, {since} frames behind the last one; each was asked for {asked}"
+        asked = f"no later than {task.key_frame_interval} frames after the one before"
+        return f"has no I-frame at frame {number}, {since} frames after the last one; each was asked for {asked}"
     return ""
 
 

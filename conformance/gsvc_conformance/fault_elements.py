@@ -54,7 +54,7 @@ def element_found(traceback: TracebackType | None) -> str:
 
 
 def _raised(frames: list[tuple[FrameType, int]], lines: list[str]) -> str:
-    """The element of a fault that was raised behind an element: by the offset, or the last one read before."""
+    """The element of a fault that was raised after an element: by the offset, or the last one read before."""
     frame, number = frames[-1]
     offset = _RAISE.search(lines[number - 1])
     if frame.f_code.co_name == "check_limit":  # whose caller names the offset

@@ -344,7 +344,7 @@ class Session:
     def pytest_make_collect_report(
         self, collector: pytest.Collector
     ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-        """Collect the vectors behind all else."""
+        """Collect the vectors after all else."""
         report = yield
         if isinstance(collector, pytest.Session) and report.passed:
             suite = VectorSuite.from_parent(collector, name=SUITE, nodeid=SUITE, run=self._run)

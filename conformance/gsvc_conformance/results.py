@@ -228,7 +228,7 @@ class Report:
     environment
         The kit, the document, the vectors, the machine and the time, by name.
     command
-        The command that ran it; with ``--case ID`` behind it, it runs one vector again.
+        The command that ran it; with ``--case ID`` after it, it runs one vector again.
     selection
         The selection in words; empty for all.
     notes

@@ -306,7 +306,7 @@ class _Server:
         raise self._fault(f"no {what} after {timeout:g} s", "timeout")
 
     def _unasked(self, when: str) -> bytes | None:
-        """What stands behind the last line if nothing more can come; None if it can.
+        """What stands after the last line if nothing more can come; None if it can.
 
         Raises
         ------

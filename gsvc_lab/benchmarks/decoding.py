@@ -159,7 +159,7 @@ def decoding(threads: int) -> Section:
 def _measured(
     sources: Mapping[Profile, bytes], threads: int
 ) -> tuple[dict[Profile, list[list[float]]], dict[Profile, list[list[dict[str, float]]]]]:
-    """`frame_seconds` and `stage_seconds` of streams, in turns, `ROUNDS` times behind one that does not count."""
+    """`frame_seconds` and `stage_seconds` of streams, in turns, `ROUNDS` times after one that does not count."""
     whole: dict[Profile, list[list[float]]] = {profile: [] for profile in sources}
     stages: dict[Profile, list[list[dict[str, float]]]] = {profile: [] for profile in sources}
     for number in range(ROUNDS + 1):

@@ -129,7 +129,7 @@ class Worker:
 def measured(
     workers: Sequence[Worker], cases: Sequence[Case], profile: str, threads: int, rounds: int
 ) -> list[list[list[dict[str, Any]]]]:
-    """For each case and worker the answers of all rounds, in turns, behind one that does not count."""
+    """For each case and worker the answers of all rounds, in turns, after one that does not count."""
     found: list[list[list[dict[str, Any]]]] = []
     for case in cases:
         print(f"{profile}: {case.name}, {case.count} frames", file=sys.stderr, flush=True)
@@ -168,7 +168,7 @@ def _sides(values: Sequence[float], digits: int) -> str:
 
 
 def frame_table(workers: Sequence[Worker], threads: int, rounds: int) -> Table:
-    """Seconds, bytes and PSNR of an I-frame and the P-frame behind it."""
+    """Seconds, bytes and PSNR of an I-frame and the P-frame after it."""
     rows = []
     for profile in PROFILES:
         for case, sides in zip(FRAMES, measured(workers, FRAMES, profile, threads, rounds), strict=True):

@@ -4,7 +4,7 @@ pytest-benchmark times one function after the other and compares what it has sum
 that holds although a machine's speed drifts. So every round times each contender once, a ratio is taken within each
 round, and medians and quartiles are over the rounds.
 
-The call that is timed comes behind others of the same contender, for SETTLE seconds: the threads of the one before may
+The call that is timed comes after others of the same contender, for SETTLE seconds: the threads of the one before may
 go on waiting for work at full speed, those of OpenMP for some milliseconds, and its data fill the caches. Without this
 a frame beside a program with OpenMP took up to twice as long as alone.
 """

@@ -63,7 +63,7 @@ WORDS: Final = {
     ),
     "checksums": "Bits that let a decoder find out that splats are damaged.",
     "ancillary": "What pictures do not need, such as the log of the encoder’s decisions.",
-    "unread, skipped": "Bits at and behind damage, which cannot be believed.",
+    "unread, skipped": "Bits at and after damage, which cannot be believed.",
     "x264": (
         "A widely used encoder of H.264 (AVC). Slow is its preset of that name. With I and P only it predicts from "
         "past frames as GSVC does; by default it also has B-frames, which are predicted from both sides."

@@ -6,7 +6,7 @@
     (2, H, W) f4: how far right and down what is seen in each pixel has moved since the frame before, in pixels. So
     frame t shows at (x, y) what frame t - 1 showed at (x - motion[0], y - motion[1]), if it was to be seen there, but
     for light, highlights, the shutter and noise; the first pixel has its centre at (0.5, 0.5). NaN where there is no
-    such thing: in frame 0, behind a cut, while a moving camera sees a mixture of pictures of two sizes, and in objects
+    such thing: in frame 0, after a cut, while a moving camera sees a mixture of pictures of two sizes, and in objects
     that have just appeared.
 ``visible_before``
     (H, W) bool: whether what is seen in each pixel was to be seen in the frame before; false where it was outside of

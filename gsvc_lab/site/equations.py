@@ -99,7 +99,7 @@ class _Row:
 
 
 def _relation(nodes: Sequence[Node]) -> int:
-    """Where the first relation stands behind a left side without a condition; 0 if there is none."""
+    """Where the first relation stands after a left side without a condition; 0 if there is none."""
     for place, node in enumerate(nodes):
         if node.kind == "text" and node.xml.startswith(("<mtext>if", "<mtext>where", "<mtext>while")):
             return 0
@@ -215,7 +215,7 @@ class _Parser:
         return nodes
 
     def _quotient(self, nodes: list[Node]) -> None:
-        """A fraction of the product before the stroke (without spaces: of the last factor) and the factor behind it."""
+        """A fraction of the product before the stroke (without spaces: of the last factor) and the factor after it."""
         tight = not self.spaced()
         self.at += 1
         first = len(nodes)
@@ -324,7 +324,7 @@ class _Parser:
         return Node(base.kind, f"<{tag}>{base.xml}{scripts}</{tag}>", base.spaced, wordy=base.wordy)
 
     def _script(self, nested: bool) -> str:
-        """What stands behind ``_`` or ``^``: a bracket, a name or a number; a raised name may have a lower script."""
+        """What stands after ``_`` or ``^``: a bracket, a name or a number; a raised name may have a lower script."""
         kind, text = self.peek()
         if (kind, text) == ("operator", "−"):
             self.at += 1
@@ -351,7 +351,7 @@ def _bare(word: str) -> str:
 
 
 def _name(word: str, digits: str, primes: str) -> str:
-    """A name: its letters, the digits behind them as a lower script, and its primes."""
+    """A name: its letters, the digits after them as a lower script, and its primes."""
     letters = _bare(word)
     if len(letters) > 1 and letters not in NAMES:
         return f"<mrow><mi>{word[0]}</mi>{_name(word[1:], digits, primes)}</mrow>"

@@ -53,7 +53,7 @@ class Layers:
     ) -> "Layers":
         """The layers directly after a frame of the base, whose state then is `base` (R-15.13-2).
 
-        Layers that are there and not `named` are carried: repeated behind an R-frame, moved behind a P-frame.
+        Layers that are there and not `named` are carried: repeated after an R-frame, moved after a P-frame.
         """
         named = tuple(sorted(named))
         lost = frozenset[int]() if frame_type == "I" else self.lost | {*self.due}

@@ -180,7 +180,7 @@ class Models:
     def code_magnitudes(
         self, run: Run, at: int, name: str, contexts: I8, magnitudes: I8 | None = None, *, late: bool = False
     ) -> I8:
-        """Magnitudes: classes in the pass `at`, by a model, and low bits, early behind it or late."""
+        """Magnitudes: classes in the pass `at`, by a model, and low bits, early after it or late."""
         classes = self.code(run, at, name, contexts, None if magnitudes is None else magnitude_classes(magnitudes))
         return run.low_bits(None if late else at, classes, magnitudes)
 

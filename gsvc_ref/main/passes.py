@@ -63,7 +63,7 @@ class Distributions(NamedTuple):
 class Run(ABC):
     """The symbols of a frame, in passes, and its raw bits.
 
-    Raw values are *early* behind the pass of a number `at`, counted from 1, or *late*, `at` being None. The parts of a
+    Raw values are *early* after the pass of a number `at`, counted from 1, or *late*, `at` being None. The parts of a
     pass, and the late values, are handed over in their order; passes in any.
     """
 

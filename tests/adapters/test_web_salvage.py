@@ -1,4 +1,4 @@
-"""The page finds behind damage what the reference finds (spec.md 12.5), also when a stream comes in pieces."""
+"""The page finds after damage what the reference finds (spec.md 12.5), also when a stream comes in pieces."""
 
 import base64
 import random

@@ -31,7 +31,7 @@ from tests.hostile.hostile_streams import chunk
 RICH = write_stream(RICH_HEADER, rich_frames())
 OVERVIEW = write_stream(OVERVIEW_HEADER, overview_frames(), index=False)
 NAMELESS_FAULTS = {"R-6.1-4", "R-6.2-4"}
-"""Rules that may be broken where no element is: behind the end, or where a chunk is missing."""
+"""Rules that may be broken where no element is: after the end, or where a chunk is missing."""
 
 
 @pytest.fixture

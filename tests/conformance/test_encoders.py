@@ -164,7 +164,7 @@ WRONG: dict[str, tuple[Encoder, str, str]] = {
     "padded": (changed(padded), "odd_size", "has width 40; it must be 33"),
     "too many splats": (asked(splats=60), "one_frame", "has 60 splats in frame 0; at most 48 were asked for"),
     "level": (of_a_high_level, "one_frame", "states level 2; at most 1 was asked for"),
-    "no I-frames": (without_key_frames, "random_access", "has no I-frame at frame 3, 3 frames behind the last one"),
+    "no I-frames": (without_key_frames, "random_access", "has no I-frame at frame 3, 3 frames after the last one"),
     "frame rate": (asked(frame_rate_numerator=30, frame_rate_denominator=1), "odd_size",
                    "has 30/1 frames per second; they must be 30000/1001"),
     "8 bits of 10": (lambda **i: plain(**i | {"frames": (i["frames"] >> 2).astype(np.uint8), "bit_depth": 8}),

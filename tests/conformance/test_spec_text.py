@@ -65,7 +65,7 @@ def paragraphs() -> Iterator[tuple[str, str]]:
 
 
 def test_what_binds_has_an_id() -> None:
-    """A word of BCP 14 stands behind an id in its paragraph, and the sentence of an id has such a word."""
+    """A word of BCP 14 stands after an id in its paragraph, and the sentence of an id has such a word."""
     binding = {text for heading, text in paragraphs() if NORMATIVE.search(text) and heading != QUOTES_THE_WORDS}
     assert {text for text in binding if not text.startswith("**R-")} == set()
     requirements = {text for _, text in paragraphs() if text.startswith("**R-")}

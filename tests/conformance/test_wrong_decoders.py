@@ -35,7 +35,7 @@ DECODERS: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
         "cholesky-not-demanded": (FAULTY + "r_6_5_2_cholesky",),
     },
     "a table of one symbol is accepted": {"one-symbol-accepted": (FAULTY + "r_6_6_4_one_symbol",)},
-    "padding behind a raw plane is not looked at": {
+    "padding after a raw plane is not looked at": {
         "raw-padding-unchecked": (FAULTY + "r_3_1_4_behind_a_raw_plane",),
     },
     "a header may say fewer frames than there are": {

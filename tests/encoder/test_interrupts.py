@@ -56,12 +56,12 @@ def test_an_interrupt_while_llvmlite_frees_memory_waits():
     def interrupted():
         with Interrupts(patient=False):
             names["close"]()
-            done.append("behind it")
+            done.append("after it")
             time.sleep(60)
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
-    assert done == ["freed", "behind it"]
+    assert done == ["freed", "after it"]
 
 
 @pytest.mark.parametrize(("live", "opened", "method"), [(False, PartialFile, "_create"), (True, LiveFile, "__init__")])

@@ -137,7 +137,7 @@ BROKEN = {
     "an empty line": packed(BODY + b"\n"),
     "a bomb of one line": packed(bytes(10_000_000)),
     "a bomb of lines": packed(b"\n" * 10_000_000),
-    "a bomb behind the log": packed(BODY + b" " * 10_000_000),
+    "a bomb after the log": packed(BODY + b" " * 10_000_000),
     "a line that is too long": packed(BODY.replace(b"{", b"{" + b" " * MAX_LOG_LINE, 1)),
     "no JSON": packed(BODY.replace(b"}", b"]")),
     "no text": packed(BODY.replace(b'"', b"\xff")),

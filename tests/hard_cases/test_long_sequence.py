@@ -75,7 +75,7 @@ def test_memory_does_not_grow_with_the_frames_that_are_written():
 def grown(items, first, last):
     """The growth of the memory in use and of its peak between two stretches of an iterator, in bytes.
 
-    Behind the item `first` come two stretches of `last` - `first` items. Each begins after a collection of garbage:
+    After the item `first` come two stretches of `last` - `first` items. Each begins after a collection of garbage:
     Python leaves the rest of cycles that have grown old lying about until there are many.
     """
     tracemalloc.start()

@@ -66,7 +66,7 @@ def chunks_of(data: bytes) -> list[Chunk]:
 
 
 def uv(data: bytes, at: int) -> tuple[int, int, bool]:
-    """The value of a `uv`, where it ends, and whether it keeps R-3.1-1; an end behind the data: it does not fit."""
+    """The value of a `uv`, where it ends, and whether it keeps R-3.1-1; an end after the data: it does not fit."""
     value = 0
     for group in range(5):
         if at + group >= len(data):

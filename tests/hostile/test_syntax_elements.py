@@ -435,7 +435,7 @@ def layer_rows() -> Iterable[Row]:
 
 
 def _rule_of_a_mask(truth: int, quality: int, mask: int) -> str:
-    """The chunks behind the frame are those of `truth`."""
+    """The chunks after the frame are those of `truth`."""
     if mask & ~0b1110:
         return "R-3.2-1"
     if quality == 0:

@@ -139,7 +139,7 @@ CHUNK_TYPES = {"ancillary": chunk("z"), "index": chunk("x", b"\0"), "frames": b"
 
 
 def many_chunks(kind: str) -> bytes:
-    """A stream of many chunks of the fewest bytes behind an I-frame, and another I-frame behind them."""
+    """A stream of many chunks of the fewest bytes after an I-frame, and another I-frame after them."""
     if kind == "frames":
         parts, count = [repeated(number) for number in range(1, CHUNKS + 1)], CHUNKS
     else:

@@ -146,7 +146,7 @@ def test_all_legal_vectors(parser):
     for path in sorted(VECTORS.glob("*/*/*/stream.gsvc")):
         tier, operation, _ = path.parts[-4:-1]
         data = path.read_bytes()
-        # A stream to seek in may have a fault behind the frame, and one with layers a fault above its quality.
+        # A stream to seek in may have a fault after the frame, and one with layers a fault above its quality.
         unmet = operation == "seek" or (operation == "reconstruct_layers" and reconstruct_layers(data, 3).error)
         if tier != "faulty" and not unmet:
             found = assert_read_alike(parser, data)

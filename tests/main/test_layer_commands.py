@@ -74,7 +74,7 @@ def test_decisions_stay_when_layers_are_cut(data: bytes) -> None:
 
 
 def test_concatenation(data: bytes) -> None:
-    """Layers come along with their frames, also behind the I-frame that a part begins with."""
+    """Layers come along with their frames, also after the I-frame that a part begins with."""
     other = layered("IR", ({}, {}))
     target = BytesIO()
     report = gsvc_ref.concat([data, other, data], target)

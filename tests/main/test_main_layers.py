@@ -37,13 +37,13 @@ TYPES = "IPRPRIP"
 LAYERS: tuple[dict[int, str], ...] = (
     {1: "I", 2: "I"}, {1: "P", 2: "R"}, {2: "P"}, {1: "P", 2: "I"}, {1: "R"}, {1: "I", 2: "I"}, {1: "P", 2: "P"},
 )  # fmt: skip
-"""The types of the layers behind each frame of `TYPES`."""
+"""The types of the layers after each frame of `TYPES`."""
 
 
 def layered(
     types: str = TYPES, layers: tuple[dict[int, str], ...] = LAYERS, header: SequenceHeader = HEADER, count: int = 6
 ) -> bytes:
-    """A stream with layers of these types behind frames of these types."""
+    """A stream with layers of these types after frames of these types."""
     choices, state, shown = SeededChoices(3), MainState.initial(header.width, header.height), Layers(header.layer_count)
     codes: list[MainCodes] = []
     of_frames: dict[int, list[tuple[int, MainCodes]]] = {}
@@ -148,7 +148,7 @@ def test_a_chunk_that_is_missing_is_found() -> None:
 
 
 def test_a_frame_is_complete_with_its_last_chunk_that_is_wanted(data: bytes) -> None:
-    """R-15.13-5: nothing behind that chunk is needed, not even that there is something."""
+    """R-15.13-5: nothing after that chunk is needed, not even that there is something."""
     for layer in (0, 1, 2):
         for frame in frames_of(data, layer=layer):
             last = frame.chunks[-1] if frame.chunks else frame
@@ -515,7 +515,7 @@ def test_layers_of_a_lost_frame_are_not_given_to_the_one_before(data: bytes) -> 
 
 
 def test_one_gap_for_a_layer_that_is_damaged_and_missed(data: bytes) -> None:
-    """The P-frames of a layer behind damage are no faults of their own."""
+    """The P-frames of a layer after damage are no faults of their own."""
     stream = layered("IPPPP", ({1: "I"}, {1: "P"}, {1: "P"}, {1: "P"}, {1: "I"}))
     damaged = torn(stream, chunk_number(stream, 1, 1))
     parts = list(gsvc_ref.open(damaged).salvage())

@@ -67,7 +67,7 @@ def stream() -> bytes:
 
 
 def outcome(data: bytes, threads: int) -> tuple[list[bytes], str]:
-    """The frames of a stream and the fault behind them."""
+    """The frames of a stream and the fault after them."""
     frames, fault = [], ""
     try:
         for frame in decode(data, threads=threads):

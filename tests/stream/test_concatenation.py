@@ -246,7 +246,7 @@ FAULTS = [
     ("version", lambda data: data[:8] + b"\xff" + data[9:], "unsupported", "R-6.1-2"),
     ("cut in a chunk", lambda data: data[:-3], "malformed", "R-6.2-4"),
     ("cut between chunks", lambda data: data[:-14], "malformed", "R-6.2-4"),
-    ("something behind the end", lambda data: data + b"\x00", "invalid", "R-6.1-4"),
+    ("something after the end", lambda data: data + b"\x00", "invalid", "R-6.1-4"),
     ("a byte of a frame", lambda data: data[:80] + bytes([data[80] ^ 1]) + data[81:], "malformed", "R-6.2-2"),
     ("a length", lambda data: data[:53] + b"\xff\xff\xff\x7f" + data[57:], "limit", "R-5-3"),
 ]

@@ -38,7 +38,7 @@ def decode(data: bytes) -> tuple[list[DecodedFrame], GsvcError | None]:
 @given(st.data())
 @settings(max_examples=80)
 def test_mutated_payloads_with_right_checksums(data: st.DataObject) -> None:
-    """Behind the checksum, anything may stand: an error or splats come out, nothing else."""
+    """After the checksum, anything may stand: an error or splats come out, nothing else."""
     chunks = split_chunks(RICH)
     number = data.draw(st.integers(0, len(chunks) - 1))
     payload = bytearray(chunks[number][1])

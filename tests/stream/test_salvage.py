@@ -130,7 +130,7 @@ def test_a_cut_stream_of_unknown_length_says_so() -> None:
 
 
 def test_a_length_that_reaches_beyond_the_end() -> None:
-    """Plain reading takes that for a cut; the frames behind are found all the same."""
+    """Plain reading takes that for a cut; the frames after are found all the same."""
     place = FRAMES[1].offset + 2  # the second byte of a length of two
     data = GOOD[:place] + b"\x7f" + GOOD[place + 1 :]
     result = check(data)
@@ -235,7 +235,7 @@ def test_what_follows_the_end_is_not_decoded() -> None:
 
 
 def test_frames_of_another_stream_are_not_taken() -> None:
-    """A recording that was cut, and another one behind it in the same file; both have the same header."""
+    """A recording that was cut, and another one after it in the same file; both have the same header."""
     other = write_stream(RICH_HEADER, [*rich_frames(30), *rich_frames(30)])
     for cut in (FRAMES[2].offset, FRAMES[4].offset + 9, FRAMES[9].offset):
         result = check(GOOD[:cut] + other)

@@ -337,7 +337,7 @@ def test_a_file_opened_to_append_holds_a_whole_stream(tmp_path):
             writer.write_frame(codes)
         writer.finish()
     with StreamReader(path) as reader:
-        assert reader.header.frame_count == 0  # nothing behind the end of the file can be corrected
+        assert reader.header.frame_count == 0  # nothing after the end of the file can be corrected
         assert len(list(reader)) == len(overview_frames())
 
 

@@ -238,7 +238,7 @@ def test_colour_code_points_are_checked(codes):
 
 
 def test_the_next_frame_can_be_looked_at_before_it_comes():
-    """Also twice; its time is told with it, a fault comes in its place, and behind the end there is none."""
+    """Also twice; its time is told with it, a fault comes in its place, and after the end there is none."""
 
     class Counting(VideoReader):
         def _read(self):

@@ -93,7 +93,7 @@ def files_viewer():
         (lambda data: data[:8] + b"\x02" + data[9:], ["is of version 2", "reads draft 2", "R-6.1-2"]),
         (lambda data: data[:8] + b"\x81" + data[9:], ["is of draft 1", "encoded again", "R-6.1-2"]),
         (lambda data: b"", ["file is empty", "example.gsvc is still shown"]),
-        (lambda data: data + b"more", ["bytes behind the end", "R-6.1-4"]),
+        (lambda data: data + b"more", ["bytes after the end", "R-6.1-4"]),
     ],
     ids=["cut", "flipped", "other", "version", "draft", "empty", "longer"],
 )

@@ -160,7 +160,7 @@ def test_frames_behind_damage_are_shown_from_a_disk(viewer, tmp_path):
         numbers = [part.number for part in stream.salvage() if hasattr(part, "number")]
     assert numbers[:3] == [0, 1, 7]
     notice = page.text("#notice")
-    assert f"The {len(numbers)} whole frames are shown, {len(numbers) - 2} of them behind the damage." in notice
+    assert f"The {len(numbers)} whole frames are shown, {len(numbers) - 2} of them after the damage." in notice
     assert "Missing: frames 2 to 6, 17." in notice
     assert "One more fault follows." in notice
     page.press("Home", "ArrowRight", "ArrowRight")

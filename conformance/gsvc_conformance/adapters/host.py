@@ -96,9 +96,9 @@ class MainBody:
     lane_states
         At the start.
     words_of_groups
-        The number of the first word of each group, and of the one behind the last word that there may be.
+        The number of the first word of each group, and of the one after the last word that there may be.
     data
-        The bytes behind the last `word_count`: words from the start, raw bits from the end.
+        The bytes after the last `word_count`: words from the start, raw bits from the end.
     """
 
     width: int
@@ -122,13 +122,13 @@ class MainFrame:
     Attributes
     ----------
     state
-        The `MainState` behind the frame.
+        The `MainState` after the frame.
     vectors, modes, differences
         i8 (rows, columns, 2), (N,) and (N, 8), as section 15.12 has them; empty where there are none.
     lane_states
         At the end.
     taken
-        The number of the word behind the last one that each group needed.
+        The number of the word after the last one that each group needed.
     early_bits, late_bits
         How many raw bits there are of both kinds.
     symbols
@@ -175,7 +175,7 @@ def main_functions(back_end: MainBackEnd, names: dict[str, Any]) -> dict[str, An
     Parameters
     ----------
     back_end
-        It decodes what is behind the elements of a body, and keeps the splats.
+        It decodes what is after the elements of a body, and keeps the splats.
     names
         The names of the code that the functions are put into; it may be filled afterwards.
     """

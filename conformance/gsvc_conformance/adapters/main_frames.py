@@ -96,7 +96,7 @@ COUNTS: Final[Mapping[str, tuple[tuple[int, ...], ...]]] = {
 }
 """The counts of each model at the start: `MODELS` of section 15.11, without the ones after them."""
 GROUPS: Final = (("position", 0, 2), ("shape", 2, 5), ("color", 5, 8))
-"""The groups of differences: first component, and the one behind the last; group i has bit i of a mode."""
+"""The groups of differences: first component, and the one after the last; group i has bit i of a mode."""
 
 
 def symbols_of(model: str) -> int:
@@ -114,7 +114,7 @@ def _counts_at_the_start(on: MainOperations) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class DeviceState:
-    """Splats on the device, and the models behind them.
+    """Splats on the device, and the models after them.
 
     Attributes
     ----------
@@ -364,13 +364,13 @@ class _Decoding:
         self.recording.dispatch("main_raw", "take", groups(values.count, 256), buffers, numbers)
 
     def early(self, numbers: Any, count: int, *, signs: bool = False) -> Any:
-        """Raw values of items that are taken behind their pass."""
+        """Raw values of items that are taken after their pass."""
         values = self.later(numbers, count, signs=signs)
         self.take(values, self.offsets(values, late=False), late=False)
         return values.values
 
     def later(self, numbers: Any, count: int, *, signs: bool = False) -> _Raw:
-        """Raw values of items that are taken behind the last pass."""
+        """Raw values of items that are taken after the last pass."""
         return _Raw(numbers, count, signs, self.on.accelerator.storage(4 * count))
 
     def read_modeled(self, model: "_Model", contexts: Any, count: int, items: Any = None) -> tuple[Any, Any]:
@@ -569,7 +569,7 @@ class _Model:
         recording.dispatch("main_frequencies", "model_frequencies", 1, buffers, numbers)
 
     def adapted(self, recording: Recording) -> Any:
-        """The buffer of the counts behind the frame."""
+        """The buffer of the counts after the frame."""
         counts = self.on.accelerator.storage(4 * self.contexts * self.symbols)
         buffers = {2: self.counts, 3: counts, 5: self.seen}
         recording.dispatch("main_frequencies", "adapt_model", 1, buffers, [self.contexts, self.symbols])

@@ -169,7 +169,7 @@ class MainOperations:
         return {"cumulative": self.signed(result, contexts, symbols + 1)}
 
     def adapt_model(self, counts: Array, seen: Array) -> Outputs:
-        """The counts i8 (contexts, symbols) behind a P-frame: (15-11)."""
+        """The counts i8 (contexts, symbols) after a P-frame: (15-11)."""
         contexts, symbols = counts.shape
         result = self.accelerator.storage(4 * counts.size)
         buffers = {2: self.integers(counts), 3: result, 5: self.integers(seen)}

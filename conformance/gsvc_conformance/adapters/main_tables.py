@@ -47,7 +47,7 @@ def _distribution(lower: list[int]) -> tuple[int, ...]:
 
 @cache
 def halves() -> tuple[int, ...]:
-    """C of (15-8) for each α and each n up to 15, 17 numbers each, of which those behind C[n + 1] are 0."""
+    """C of (15-8) for each α and each n up to 15, 17 numbers each, of which those after C[n + 1] are 0."""
     return tuple(number for alpha in ALPHAS for n in range(1, MAX_TABLED + 1) for number in _half_table(n, alpha))
 
 

@@ -29,10 +29,10 @@ def block_faults() -> Iterator[Broken]:
             entry = {f"{name}_{n}": (f"block {block} has no {n} of its own", lies)}
             yield from each_of("R-6.5-4", "invalid", truth, entry, three, complete)
     for n, lies in (("quantizer", _no_quantizer(1)), ("codebooks", _no_codebooks(1, (2, 3)))):
-        entry = {f"empty_i_frame_{n}": (f"behind an I-frame without splats, a block has no {n} of its own", lies)}
+        entry = {f"empty_i_frame_{n}": (f"after an I-frame without splats, a block has no {n} of its own", lies)}
         yield from each_of("R-6.5-4", "invalid", "every I-frame forgets", entry, with_an_empty_frame, 2)
     for n, lies in (("quantizer", _no_quantizer(3)), ("codebooks", _no_codebooks(3, (5,)))):
-        entry = {f"second_i_frame_inter_{n}": (f"behind a second I-frame, differences have no {n} of their own", lies)}
+        entry = {f"second_i_frame_inter_{n}": (f"after a second I-frame, differences have no {n} of their own", lies)}
         yield from each_of("R-6.5-4", "invalid", "an I-frame forgets those of inter blocks, too", entry, four, 3)
     scales = {"zero": 0.0, "minus_zero": -0.0, "negative": -1.0, "subnormal": 2.0**-126 - 2.0**-149, "least": 2.0**-149}
     yield from each_of("R-6.5-5", "invalid", "it is a positive normal number",

@@ -284,7 +284,7 @@ def _reference_frames(data: bytes, quality: int) -> Iterator[Counted]:
 
 
 def _chunks(data: bytes) -> list[tuple[str, int, int]]:
-    """Type, bytes of the payload and bytes in all of each chunk behind the sequence header, as far as there are any."""
+    """Type, bytes of the payload and bytes in all of each chunk after the sequence header, as far as there are any."""
     spec = namespace()
     found: list[tuple[str, int, int]] = []
     try:

@@ -51,7 +51,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     wishes.add_argument("--splats", type=count, metavar="N", help="splats of every frame")
     wishes.add_argument(
         "--types", default="IPR", metavar="LETTERS",
-        help="types of the frames behind the first, which is an I-frame; a letter that stands there three times is "
+        help="types of the frames after the first, which is an I-frame; a letter that stands there three times is "
         "drawn three times as often: PPPR (IPR)",
     )  # fmt: skip
     for element, (option, low, high, what) in ELEMENTS.items():

@@ -21,7 +21,7 @@ COUNTS: Final = "    counts = np.array([len(part) for part in parameters], np.in
 
 
 def in_frames(after: str, old: str, new: str) -> Patches:
-    """Lines `old` behind the lines `after` at the beginning of a frame of either profile, and what replaces them."""
+    """Lines `old` after the lines `after` at the beginning of a frame of either profile, and what replaces them."""
     return tuple((first + after + old, first + after + new) for first in FRAMES)
 
 

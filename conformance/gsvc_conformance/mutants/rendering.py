@@ -140,7 +140,7 @@ BOUNDED: tuple[Mutant, ...] = (
         ('        return {"sum": C.astype(np.float32)}', '        return {"sum": C.astype(np.float16).astype(np.float32)}')),
     mutant(AREA, "opacity-capped", "weights capped at 0.99, as in 3D splatting",
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.where(sigma <= LN_255, np.minimum(np.exp(-sigma), 0.99), 0.0)")),
-    mutant(AREA, "transmittance-stop", "splats behind a sum of 1 left out",
+    mutant(AREA, "transmittance-stop", "splats after a sum of 1 left out",
         ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
          "        open_ = np.max(C[top:bottom, left:right], axis=2, keepdims=True) < 1\n"
          "        C[top:bottom, left:right] += open_ * g[:, :, None] * splat[5:8]\n")),

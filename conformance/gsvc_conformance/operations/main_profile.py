@@ -115,7 +115,7 @@ paired(
 paired(
     "adapt_model",
     "bitstream",
-    "The counts of a model behind a P-frame.",
+    "The counts of a model after a P-frame.",
     inputs="counts: i8 (C, K); seen: i8 (C, K)",
     outputs="counts: i8 (C, K)",
     equations=("15-11",),

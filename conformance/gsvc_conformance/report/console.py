@@ -24,7 +24,7 @@ MAX_CAUSES: Final = 3
 FEW: Final = 2
 """Number of examined failures up to which they tell no cause by where they are wrong."""
 WAIVED: Final = re.compile(r" \(waived (?:fail|error|crash|timeout): ")
-"""What stands behind the reason of a waiver in the message of a result."""
+"""What stands after the reason of a waiver in the message of a result."""
 MAX_REASON: Final = 120
 """Maximum length of the reason of a waiver."""
 RARE: Final = 0.3
@@ -234,7 +234,7 @@ def rule_counts(refused: Sequence[str]) -> str:
 def _by_weight(entry: tuple[str, list[Result]]) -> tuple[int, int, int]:
     """The rank of a cause: by the number of failures that look like it.
 
-    Sentences about other operations come behind causes, and those about mere places last.
+    Sentences about other operations come after causes, and those about mere places last.
     """
     cause, results = entry
     kind = 2 if cause.startswith(VAGUE) else 1 if cause.endswith(MEND) else 0

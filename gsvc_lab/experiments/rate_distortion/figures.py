@@ -26,7 +26,7 @@ MAX_MARKS: Final = 9
 
 COORDINATE: Final = re.compile(r"(?<=[ \"(])(-?\d+\.\d\d)\d+")
 INDENT: Final = re.compile(r"\n +")
-"""Parts of a written SVG that nobody sees; labels, which stand behind a >, are not coordinates."""
+"""Parts of a written SVG that nobody sees; labels, which stand after a >, are not coordinates."""
 
 OURS: Final = {
     MAIN.name: (COLORS[6], "-", "o", True),

@@ -135,7 +135,7 @@ class LayeredTarget:
     """A picture to be described in several qualities: each has a target, and its squared error counts by its weight.
 
     Splats stand layer by layer. Quality l has those of layers 0 to l, and the topmost one has all of them, also those
-    behind the N whose layers (N,) are known, which are its own in the making.
+    after the N whose layers (N,) are known, which are its own in the making.
     """
 
     def __init__(self, targets: Sequence[Target], weights: Sequence[float], layers: I8) -> None:

@@ -99,7 +99,7 @@ class Halving(NamedTuple):
 
 @kernel()
 def read_intra_pass(lanes: Lanes, tables: Tables, at: int, new: New) -> bool:
-    """The part of the pass `at` that is about new splats, if there is one, and the early raw bits behind it."""
+    """The part of the pass `at` that is about new splats, if there is one, and the early raw bits after it."""
     halvings, out, symbols = len(tables.alphas), new.codes, new.answers
     if at <= halvings:
         return read_halving(lanes, tables, at - 1, new)

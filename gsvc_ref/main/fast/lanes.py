@@ -39,7 +39,7 @@ class Lanes(NamedTuple):
     taken: I8  # (G,), the next word of each group of lanes
     ends: I8  # (G,), where the words of each group end
     place: I8  # (1,), the next symbol of the pass
-    raw: I8  # the raw string in units, and two units of 0 behind it
+    raw: I8  # the raw string in units, and two units of 0 after it
     bit: I8  # (1,), the next bit of it
     size: int  # bytes of words and raw bits together
     spent: I8  # (12,), the code length of each of `RUN_PARTS` so far, in parts of a bit (`LENGTH_UNIT`)
@@ -113,7 +113,7 @@ def read_symbols(lanes: Lanes, part: int, tables: Distributions, which: I8, symb
 
 @kernel(inline=True)
 def raw_value(raw: I8, bit: int, size: int) -> int:
-    """The value of `size` raw bits, at most 28, from a bit of the raw string on; behind its end there are zeros."""
+    """The value of `size` raw bits, at most 28, from a bit of the raw string on; after its end there are zeros."""
     unit = bit // UNIT
     if unit >= len(raw) - 1:
         return 0

@@ -84,7 +84,7 @@ def predicted_splats(out: Outputs) -> Predicted:
 
 @kernel()
 def read_predicted_pass(lanes: Lanes, tables: Distributions, reference: Reference, at: int, out: Predicted) -> bool:
-    """The part of the pass `at` that is about the splats of the frame before, and the early raw bits behind it."""
+    """The part of the pass `at` that is about the splats of the frame before, and the early raw bits after it."""
     if at <= 2:
         return not reference.own or read_vectors(lanes, tables, at - 1, out)
     if at == 3:

@@ -126,7 +126,7 @@ def _read_run(lanes: Lanes, reference: Reference, tables: Tables, out: Outputs, 
 
 @kernel()
 def run_status(lanes: Lanes, late: int) -> int:
-    """0, or what is wrong of a run that has `late` late bits behind its last symbol (R-15.6-2)."""
+    """0, or what is wrong of a run that has `late` late bits after its last symbol (R-15.6-2)."""
     groups = len(lanes.taken)
     for group in range(groups - 1):
         if lanes.taken[group] != lanes.ends[group]:

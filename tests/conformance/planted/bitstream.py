@@ -17,7 +17,7 @@ PLANTED = (
     patched(AREA, "first symbol ignored", "decode_plane", "first_symbol|first symbol|smaller by|begins with symbol 0", ("return [0] * first_symbol + [", "return [")),
     patched(AREA, "golomb order 0", "decode_plane", "order 0|[Gg]olomb", ("table = [p.eg(golomb_order)", "table = [p.eg(0)")),
     patched(AREA, "width of alphabets", "decode_plane", "width|alphabet", ("w = (alphabet - 1).bit_length()", "w = alphabet.bit_length()")),
-    patched(AREA, "no alignment behind raw", "decode_plane", "padding|align|R-3.1-4", ("    p.align()\n    return symbols\n\n\ndef read_symbol", "    return symbols\n\n\ndef read_symbol")),
+    patched(AREA, "no alignment after raw", "decode_plane", "padding|align|R-3.1-4", ("    p.align()\n    return symbols\n\n\ndef read_symbol", "    return symbols\n\n\ndef read_symbol")),
     after(AREA, "symbols first 64", "decode_plane", "symbols from 64", lambda out, i: (out["symbols"].__setitem__(np.s_[64:], 0), out)[1]),
     after(AREA, "symbols of 8 bits", "decode_plane", "256|8 bits", lambda out, i: {"symbols": out["symbols"] & np.uint16(255)}),
     after(AREA, "symbols last", "decode_plane", "last of the symbols", lambda out, i: (out["symbols"].__setitem__(np.s_[-1:], 0), out)[1]),

@@ -40,7 +40,7 @@ SHORT = InterSettings(motion_steps=3, motion_rounds=3, iterations=24, rounded_it
 
 
 def state_of(values: I8, densities: Densities | None = DENSITIES) -> MainState:
-    """What a decoder has behind a frame with these splats."""
+    """What a decoder has after a frame with these splats."""
     return MainState(WIDTH, HEIGHT, values, np.zeros(len(values), np.int64), Models(), densities)
 
 
@@ -89,7 +89,7 @@ def parameters_at(anchor: differences.Anchors, q: F8) -> F4:
 
 
 def after(values: I8, codes: MainCodes, densities: Densities | None = DENSITIES) -> MainState:
-    """The state behind a P-frame, by what a decoder reads."""
+    """The state after a P-frame, by what a decoder reads."""
     s = Writer()
     written = frame_body(s, "P", state_of(values, densities), 1, 1000, codes).after
     read = frame_body(Reader(s.getvalue()), "P", state_of(values, densities), 1, 1000)

@@ -47,7 +47,7 @@ def parameters(codes: MainCodes) -> F4:
 
 
 def decoded(codes: MainCodes, width: int, height: int) -> MainState:
-    """The state that a decoder has behind a frame with these codes."""
+    """The state that a decoder has after a frame with these codes."""
     s = Writer()
     frame_body(s, "I", MainState.initial(width, height), 1, 10_000, codes)
     return frame_body(Reader(s.getvalue()), "I", MainState.initial(width, height), 1, 10_000).after

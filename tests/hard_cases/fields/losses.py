@@ -35,7 +35,7 @@ CASES: Final[tuple[Entry, ...]] = (
     HardCase(
         "stress/loss/loss_of_huge_sums",
         danger="The square of a sum of 1e30 is infinite before it is clamped.",
-        condition="Condition 1 behind the clamp: a sum is clamped before anything is done with it.",
+        condition="Condition 1 after the clamp: a sum is clamped before anything is done with it.",
         truth=loss,
         naive=("clamp after the difference", naive.clamped_after_the_square),
     ),

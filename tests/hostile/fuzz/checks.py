@@ -28,7 +28,7 @@ class Pipe(io.BytesIO):
 
 
 def taken(reader: StreamReader, start: int = 0) -> tuple[list[DecodedFrame], GsvcError | None]:
-    """The frames from `start` on, and the fault behind them."""
+    """The frames from `start` on, and the fault after them."""
     frames: list[DecodedFrame] = []
     try:
         frames.extend(reader.frames(start))
@@ -49,7 +49,7 @@ def read(
 
 
 def uv(data: bytes, at: int) -> tuple[int, int]:
-    """A `uv` at a byte, as far as it goes, and the byte behind it."""
+    """A `uv` at a byte, as far as it goes, and the byte after it."""
     value = 0
     for shift in DIGITS_OF_UV:
         if at >= len(data):
@@ -99,7 +99,7 @@ def same_error(a: GsvcError | None, b: GsvcError | None) -> bool:
 
 
 def check_error(error: GsvcError | None, data: bytes, frames: list[DecodedFrame]) -> None:
-    """A fault names a rule, the kind of that rule, and a bit behind all complete frames."""
+    """A fault names a rule, the kind of that rule, and a bit after all complete frames."""
     if error is None:
         return
     assert error.kind in ERROR_KINDS

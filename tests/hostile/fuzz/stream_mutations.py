@@ -245,7 +245,7 @@ def concatenated(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
 
 
 def unrelated(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:
-    """Random bytes, alone or behind a header."""
+    """Random bytes, alone or after a header."""
     start = rng.choice((0, PREFIX_SIZE, PREFIX_SIZE + 42))
     return data[:start] + rng.randbytes(rng.randrange(80))
 
@@ -274,7 +274,7 @@ LOOKING: Final = (element_changed, plane_recoded, crowded)
 
 
 LAST: Final = (framing_changed, bytes_changed, cut)
-"""Mutations that another one behind them would mend, because it makes chunks whole again."""
+"""Mutations that another one after them would mend, because it makes chunks whole again."""
 
 
 def mutate_stream(data: bytes, rng: Random, others: Sequence[bytes]) -> bytes:

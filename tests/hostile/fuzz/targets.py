@@ -153,7 +153,7 @@ def differential(data: bytes) -> str:
     asked = {"stream": data, "first": first, "last": first + zlib.crc32(data[::2]) % 3}
     _assert_same(seek(**asked), namespace()["seek"](**asked))
     if mine["error"]:
-        return str(mine["error"]).split()[1] + (" behind frames" if len(mine["counts"]) else "")
+        return str(mine["error"]).split()[1] + (" after frames" if len(mine["counts"]) else "")
     reader = StreamReader(data)
     if reader.header.profile == MAIN:
         _assert_same(read_main_stream(stream=data), namespace()["read_main_stream"](stream=data))

@@ -32,7 +32,7 @@ def lines(block):
 
 
 def said(node):
-    """What MathML says, with a stroke for each fraction, a sign for each root, and accents behind their letters."""
+    """What MathML says, with a stroke for each fraction, a sign for each root, and accents after their letters."""
     inner = [said(child) for child in node]
     if node.tag == "mfrac":
         return f"{inner[0]}/{inner[1]}"

@@ -69,7 +69,7 @@ def until(count, clip=CLIP):
 
 
 def begun(folder, settings=PLAIN, count=8, **options) -> None:
-    """Encode until a fault behind so many frames."""
+    """Encode until a fault after so many frames."""
     with pytest.raises(EndedError):
         encode((until(count), SMALL), io.BytesIO(), settings, resume=folder, **options)
 
@@ -115,7 +115,7 @@ def test_the_same_bytes_and_report(settings, tmp_path):
 
 
 def test_groups_that_are_done_out_of_order_are_kept(tmp_path, whole):
-    """Also those behind one whose fault ends the encode."""
+    """Also those after one whose fault ends the encode."""
     folder, later = tmp_path / "kept", ["00000003.gsvc", "00000006.gsvc"]
 
     def names() -> list[str]:
@@ -182,7 +182,7 @@ def test_a_source_that_ends_early_is_refused(kept):
 
 
 def test_a_source_that_has_become_longer_is_refused(monkeypatch, tmp_path):
-    """Behind the last group, which was taken for whole by an encode that was ended as it completed its file."""
+    """After the last group, which was taken for whole by an encode that was ended as it completed its file."""
 
     def ended(frames):
         raise EndedError
@@ -317,7 +317,7 @@ def test_a_sound_group_in_the_wrong_place_is_encoded_again(kept, whole, tmp_path
 @posix
 @pytest.mark.parametrize("kinds", [("link", "FIFO"), ("dangling link", "device"), ("folder", "link")], ids=" and ".join)
 def test_what_is_not_a_file_is_encoded_again(kept, whole, tmp_path, kinds):
-    """A FIFO was waited for, what a link led to was overwritten, and behind a folder nothing was kept or removed."""
+    """A FIFO was waited for, what a link led to was overwritten, and after a folder nothing was kept or removed."""
     victim = tmp_path / "victim"
     victim.write_bytes(b"precious")
     paths = [kept / "00000000.gsvc", kept / "00000003.gsvc"]

@@ -357,7 +357,7 @@ static void begin_predicted(struct frame *f) {
     for (u32 row = 0; row < ROWS; row++) model_frequencies(f->layer->counts[row], symbols_of(row), f->cumulative[row]);
 }
 
-static void next_splats(struct frame *f, char type) { /* those that stay, and behind them the new ones */
+static void next_splats(struct frame *f, char type) { /* those that stay, and after them the new ones */
     struct carried *layer = f->layer;
     u32 count = 0;
     for (u32 n = 0; n < f->body.before; n++) {      /* to the front: a prefix sum over modes */

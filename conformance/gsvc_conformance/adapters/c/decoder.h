@@ -166,7 +166,7 @@ struct decoder {
     u32 halvings;
     struct carried layers[4];
     u32 frame_number, next_number;                  /* of the frame that is open; of the next one */
-    u32 mask, last_layer, layer_at_work;            /* its layers; the last one behind it; 0 between chunks `n` */
+    u32 mask, last_layer, layer_at_work;            /* its layers; the last one after it; 0 between chunks `n` */
     char frame_type;
     bool open;                                      /* the base is complete, and chunks `n` may follow */
     struct field base_field;

@@ -109,7 +109,7 @@ static _Noreturn void end_fault(const struct run *run, u64 byte) {
 }
 
 /* Symbol i of a pass is of lane i mod L (R-15.6-1). L lanes decode at once: those of a group that need a word take them
-   in their order, so that a lane finds its word behind those of the lanes before it (a ballot of 32). */
+   in their order, so that a lane finds its word after those of the lanes before it (a ballot of 32). */
 u32 next_symbol(struct run *run, const struct distribution *d) {
     u32 lane = run->symbols++ % run->lanes, group = lane / GROUP;
     u32 x = run->states[lane], slot = x % TOTAL, low = 0, high = d->bins, start = 0, end = TOTAL;

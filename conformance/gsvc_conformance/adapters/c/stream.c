@@ -342,7 +342,7 @@ static void read_wanted(struct decoder *d, struct chunk *chunk, u32 number) {
     if (d->header.flags & 1 && stated != checksum_of(layer->splats, layer->count)) fault(d, "R-6.4-3", checksum_bit);
 }
 
-static void read_layer(struct decoder *d, struct chunk *chunk) { /* a chunk `n` behind a frame */
+static void read_layer(struct decoder *d, struct chunk *chunk) { /* a chunk `n` after a frame */
     struct amounts before = amounts_of(d);
     if (d->quality > 0) {
         u32 number = read_u(&chunk->payload, 2);

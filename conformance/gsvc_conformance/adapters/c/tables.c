@@ -33,7 +33,7 @@ const u16 first_counts[ROWS][SYMBOLS] = {           /* MODELS: vector, mode, pos
     COLORS_1, COLORS_1, COLORS_1, COLORS_2, COLORS_2, COLORS_2,
 };
 
-static u64 product(u64 a, u64 b) {                  /* of numbers with 63 bits behind the point */
+static u64 product(u64 a, u64 b) {                  /* of numbers with 63 bits after the point */
     u64 low = (a >> 32) * (b & 0xFFFFFFFF) + ((a & 0xFFFFFFFF) * (b & 0xFFFFFFFF) >> 32);
     u64 middle = (a & 0xFFFFFFFF) * (b >> 32) + (low & 0xFFFFFFFF);
     return ((a >> 32) * (b >> 32) + (low >> 32) + (middle >> 32)) * 2;

@@ -29,7 +29,7 @@ SOURCES: Final = (
     "main_entropy",
     "main_splats",
 )
-"""One program: what a file defines, those behind it may use."""
+"""One program: what a file defines, those after it may use."""
 NO_DEVICE: Final = (
     "there is no OpenCL device: install the driver of the GPU, or pocl-opencl-icd (Debian, Ubuntu), which takes the CPU"
 )

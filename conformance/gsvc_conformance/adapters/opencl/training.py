@@ -106,7 +106,7 @@ def compact(
 
 
 def augment(values: Floats, uniforms: Floats, width: int, height: int) -> Values:
-    """Random splats of small weight behind the old ones, (M, 9) f4: R-10.8-1."""
+    """Random splats of small weight after the old ones, (M, 9) f4: R-10.8-1."""
     new = buffer(36 * len(uniforms))
     launch(
         "augment", len(uniforms), upload(uniforms, "f4"), len(uniforms), float(width), float(height), new, exact=True

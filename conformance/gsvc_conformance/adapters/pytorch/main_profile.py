@@ -135,7 +135,7 @@ def main_intra(quantizer: int, cells: Array, colors: Array, shapes: Array, place
 
 
 def _between(position: Tensor, side: int, cells: int) -> tuple[Tensor, Tensor, Tensor]:
-    """The cell before a position and the one behind it, and the 64ths of the way between their centres."""
+    """The cell before a position and the one after it, and the 64ths of the way between their centres."""
     b = (256 * side).bit_length() - 1
     u = (position - 128 * side).clamp(0, (cells - 1) << b)
     i = (u >> b).clamp(max=max(cells - 2, 0))

@@ -1,4 +1,4 @@
-"""Whole streams: spec.md's parser on the host, PyTorch behind it."""
+"""Whole streams: spec.md's parser on the host, PyTorch after it."""
 
 from gsvc_conformance.adapters import host
 from gsvc_conformance.adapters.pytorch.deterministic import render_sum_deterministic, to_frame_deterministic

@@ -103,7 +103,7 @@ def compact(survivors: Array, values: Array, m: Array, v: Array, n: Array, previ
 
 
 def augment(values: Array, uniforms: Array, width: int, height: int) -> Arrays:
-    """Operation: (10-26) and (10-27), behind the splats that are there."""
+    """Operation: (10-26) and (10-27), after the splats that are there."""
     a = tensor(uniforms)
     x, y, l11, l21, l22 = a[:, 0] * width, a[:, 1] * height, a[:, 2] + 0.5, a[:, 3], a[:, 4] + 0.5
     w = torch.full_like(x, NEW_WEIGHT)

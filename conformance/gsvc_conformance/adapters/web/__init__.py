@@ -169,7 +169,7 @@ def model_frequencies(counts: Any) -> Values:
 
 
 def adapt_model(counts: Any, seen: Any) -> Values:
-    """The counts of a model behind a P-frame (15-11)."""
+    """The counts of a model after a P-frame (15-11)."""
     return ask("adapt_model", counts=counts, seen=seen)
 
 

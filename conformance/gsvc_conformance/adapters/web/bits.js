@@ -12,7 +12,7 @@ globalThis.GSVC ??= {};
 
   /**
    * The first rule that a stream breaks: its kind (12.1), its id, and the offset of the element at fault in bits. The chunk
-   * there may be sound, and only come too fast or behind one that is missing.
+   * there may be sound, and only come too fast or after one that is missing.
    */
   class Fault extends Error {
     constructor(rule, bit, { isSound = false } = {}) {

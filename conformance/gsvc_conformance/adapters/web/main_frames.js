@@ -27,10 +27,10 @@ globalThis.GSVC ??= {};
     2 * main.bitLength(Math.max(Math.ceil(width / CELL), Math.ceil(height / CELL)) - 1);
 
   /**
-   * frame_body(type): its elements by name, with count, field, modes and differences; `after`, the state behind it;
+   * frame_body(type): its elements by name, with count, field, modes and differences; `after`, the state after it;
    * and `bits`, the code lengths of the parts of its run, with those of its densities.
    *
-   * `before` is the state behind the frame before; `state`, that of the stream, has header and limits, and `noted` as of
+   * `before` is the state after the frame before; `state`, that of the stream, has header and limits, and `noted` as of
    * Run. Of a layer, `otherSplats` are those that the level counts beside its own, and `inherited` is the field that it has
    * without one of its own: that of the base.
    */

@@ -8,7 +8,7 @@ globalThis.GSVC ??= {};
   const NUMBERS = [1, 2, 3]; // of all layers that there can be
 
   /**
-   * The layers of a stream up to the quality that is wanted: frames get their splats behind those of the base.
+   * The layers of a stream up to the quality that is wanted: frames get their splats after those of the base.
    *
    * Layers that are there stand in a Map by number, in their order: their `state`, their `parameters`, the work of these
    * (`work`, and `pointWork` at the size of the operating point), what the frame `told` of them (main.toldOf), and their
@@ -26,11 +26,11 @@ globalThis.GSVC ??= {};
       this.joined = { parts: [], all: null }; // the arrays of the parts of the frame before, and all in one
       this.last = 0; // the layer of the last chunk
       this.lost = []; // layers that damage has taken: their chunks are skipped up to an `I`
-      this.damaged = false; // whether a part of the stream was skipped behind the frame
+      this.damaged = false; // whether a part of the stream was skipped after the frame
       this.frame = null; // the frame that chunks belong to
     }
 
-    /** A copy that goes on behind the frame. */
+    /** A copy that goes on after the frame. */
     copy() {
       return Object.assign(new Layers(this.quality), this, { frame: null, joined: { parts: [], all: null } });
     }
@@ -68,7 +68,7 @@ globalThis.GSVC ??= {};
 
     /**
      * R-15.13-6: refuses the chunk at a bit, before which those of all layers below `end` must have come. Such layers are
-     * lost; behind damage that is no surprise.
+     * lost; after damage that is no surprise.
      */
     checkMissing(bit, end = Infinity) {
       const missing = this.awaited.filter((layer) => layer < end && !this.lost.includes(layer));
@@ -76,7 +76,7 @@ globalThis.GSVC ??= {};
       if (missing.length > 0 && !this.damaged) throw new Fault("R-15.13-6", bit, { isSound: true });
     }
 
-    /** No more layers of the frame come: it gets the splats of the base, and behind them those of layers (R-15.13-3). */
+    /** No more layers of the frame come: it gets the splats of the base, and after them those of layers (R-15.13-3). */
     finish() {
       const layers = [...this.there.values()];
       this.frame.parameters = this.#all([this.base.parameters, ...layers.map(({ parameters }) => parameters)]);

@@ -43,7 +43,7 @@ globalThis.GSVC ??= {};
     return magnitudes;
   }
 
-  /** Bits from the least significant one of the first byte on, each value with its least bit first; behind the end, 0. */
+  /** Bits from the least significant one of the first byte on, each value with its least bit first; after the end, 0. */
   class RawBits {
     constructor(bytes) {
       this.bytes = bytes;
@@ -87,7 +87,7 @@ globalThis.GSVC ??= {};
    * The run of the entropy coder of a frame: all that is left of its payload.
    *
    * Symbol i of a pass belongs to lane i modulo their number, and lane j to group j div 32, which has words of its own.
-   * Raw bits stand behind the words, from the last byte backwards: first the early ones, which passes depend on.
+   * Raw bits stand after the words, from the last byte backwards: first the early ones, which passes depend on.
    * Loops over all splats have typed arrays and nothing that is made anew for each: a frame has up to 2^22 of them.
    */
   class Run {
@@ -111,11 +111,11 @@ globalThis.GSVC ??= {};
       this.length = 0; // of the codes of the part so far, in parts of a bit
     }
 
-    /** The word lists of all groups, and the bytes behind them as bits, the last byte first. */
+    /** The word lists of all groups, and the bytes after them as bits, the last byte first. */
     #readWords(p) {
       const groups = Math.max(1, this.states.length >> GROUP_BITS);
       this.next = new Int32Array(groups); // of each group, the word that comes next
-      this.ends = new Int32Array(groups); // and the one behind its last
+      this.ends = new Int32Array(groups); // and the one after its last
       let words = 0;
       for (let group = 0; group + 1 < groups; group++) {
         this.next[group] = words;
@@ -252,7 +252,7 @@ globalThis.GSVC ??= {};
       return s;
     }
 
-    /** R-15.6-2, behind the last symbol; then the late raw values, of which `late` has pairs of a part and sizes. */
+    /** R-15.6-2, after the last symbol; then the late raw values, of which `late` has pairs of a part and sizes. */
     finish(late) {
       const lateBits = late.reduce((sum, [, sizes]) => sum + bitsOf(sizes), 0);
       const carried = Math.min(this.states.length, lateBits >> 4); // lanes whose end states have 16 of these bits
@@ -397,13 +397,13 @@ globalThis.GSVC ??= {};
     return C;
   }
 
-  /** The counts of a context behind a P-frame (15-11), `seen` being how often each symbol was decoded in it. */
+  /** The counts of a context after a P-frame (15-11), `seen` being how often each symbol was decoded in it. */
   function adapted(counts, seen) {
     if (seen.every((times) => times === 0)) return counts;
     return counts.map((count, s) => count - ((count + 7) >>> 3) + 64 * seen[s]);
   }
 
-  /** The models of a frame: they note what is read by them, and know what they are behind it. */
+  /** The models of a frame: they note what is read by them, and know what they are after it. */
   class FrameModels {
     constructor(models) {
       this.models = models;
@@ -426,7 +426,7 @@ globalThis.GSVC ??= {};
       return found;
     }
 
-    /** The models behind the frame. */
+    /** The models after the frame. */
     adapted() {
       const after = {};
       for (const [name, contexts] of Object.entries(this.models)) {

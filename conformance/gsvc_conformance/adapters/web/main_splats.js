@@ -168,7 +168,7 @@ globalThis.GSVC ??= {};
   function fieldMotion(state, { columns, rows, vectors, side }) {
     if (side === 0) return new Int32Array(state.length / 4);
     const b = bitsOfCell(side);
-    const [lastI, lastJ] = [Math.max(columns - 2, 0), Math.max(rows - 2, 0)]; // of cells that have another one behind them
+    const [lastI, lastJ] = [Math.max(columns - 2, 0), Math.max(rows - 2, 0)]; // of cells that have another one after them
     const [right, below] = [columns > 1 ? 2 : 0, rows > 1 ? 2 * columns : 0]; // how far away that one stands
     const motion = new Int32Array(state.length / 4);
     for (let at = 0, to = 0; at < state.length; at += 8, to += 2) {

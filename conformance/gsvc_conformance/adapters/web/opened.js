@@ -50,11 +50,11 @@ globalThis.GSVC ??= {};
   /**
    * The reading of a stream, from its first byte to its last one.
    *
-   * `append` gives it bytes, and each step of `steps()` takes it on. Behind a fault it ends, or it goes on as section 12.5
+   * `append` gives it bytes, and each step of `steps()` takes it on. After a fault it ends, or it goes on as section 12.5
    * of spec.md says: with the frame that was due, else with the next I-frame.
    *
    * header: the elements of the sequence header by name; null as long as there is none.
-   * frames: what `openStream` says; one behind missing frames has their number as `missing`.
+   * frames: what `openStream` says; one after missing frames has their number as `missing`.
    * faults: those that were found, of which there are `faultCount`.
    * done: whether the end was reached; missingAtEnd: how many frames are missing there, null if nobody knows.
    */
@@ -64,7 +64,7 @@ globalThis.GSVC ??= {};
       Object.assign(this, { done: false, missingAtEnd: 0, size: 0, complete: false, lost: false });
       this.buffer = new Uint8Array(0);
       this.states = new KeptStates(mostKept);
-      this.tried = -1; // the byte at which reading went on behind a fault
+      this.tried = -1; // the byte at which reading went on after a fault
       this.due = 0; // the number of the frame that was due there
       this.searchFrom = null; // where the search goes on for a chunk to go on with
     }
@@ -153,7 +153,7 @@ globalThis.GSVC ??= {};
 
     #goOnBehind({ isSound }) {
       const { s, state } = this;
-      state.framesCounted = -1; // what is behind a fault may come as fast as it likes
+      state.framesCounted = -1; // what is after a fault may come as fast as it likes
       if (isSound) {
         s.at = state.chunkBit;
         return;
@@ -208,7 +208,7 @@ globalThis.GSVC ??= {};
       state.indexLength = 0;
     }
 
-    /** Behind the end chunk of a stream whose header was found inside of this one. */
+    /** After the end chunk of a stream whose header was found inside of this one. */
     *#otherStream(chunks, from) {
       let looked = 0;
       for (let at = from; at < chunks.bytes.length; ) {
@@ -246,7 +246,7 @@ globalThis.GSVC ??= {};
      * have to be decoded for it.
      */
     seeker() {
-      let current = null; // { state, next }: the state behind the frame that was read last
+      let current = null; // { state, next }: the state after the frame that was read last
       let last = null; // that frame, and where it stands
       const from = (n) => { // what to go on from
         if (!(n in this.frames)) throw new RangeError(`there is no frame ${n}`);

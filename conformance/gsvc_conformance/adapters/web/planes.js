@@ -52,7 +52,7 @@ globalThis.GSVC ??= {};
     return symbols;
   }
 
-  /** What a plane of mode 2 has behind `plane_mode`. */
+  /** What a plane of mode 2 has after `plane_mode`. */
   function readCodedSymbols(p, header, count, alphabet, w) {
     const table = readFrequencies(p, header.entropy_precision, alphabet, w);
     p.align();

@@ -33,7 +33,7 @@ globalThis.GSVC ??= {};
   const single = new Float32Array(word.buffer);
 
   /** A whole or half number that is not negative, rounded to the nearest integer, ties to even. */
-  const roundHalfEven = (v) => v + 2 ** 52 - 2 ** 52; // binary64 has no bits behind the point from 2^52 on
+  const roundHalfEven = (v) => v + 2 ** 52 - 2 ** 52; // binary64 has no bits after the point from 2^52 on
 
   /** The pattern of the binary16 nearest to a binary32 number, ties to even (8-6). */
   function halfBits(value) {

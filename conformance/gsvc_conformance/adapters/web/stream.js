@@ -23,7 +23,7 @@ globalThis.GSVC ??= {};
       this.indexLength = 0; // bytes of the chunk directly before, if it is an index
       this.framesCounted = 0; // how many frames have been decoded from the first one on
       this.second = {}; // sums of the second so far
-      this.bytesWaiting = 0; // bytes of the chunks behind the frame before
+      this.bytesWaiting = 0; // bytes of the chunks after the frame before
       this.lastIFrame = 0; // its number
       this.main = main.newMainState(); // what profile main carries
       this.forget();
@@ -60,7 +60,7 @@ globalThis.GSVC ??= {};
     return point.level === level && point.halvings === 0 ? null : { ...point, limits: LEVELS[point.level] };
   }
 
-  /** Reads all that precedes the first frame: the bits behind it, and the state for a quality. */
+  /** Reads all that precedes the first frame: the bits after it, and the state for a quality. */
   function readStart(stream, quality = 0) {
     const { s, versionMinor } = readPrefix(stream);
     const { type, bit, payload } = readChunk(s, LONGEST_HEADER);

@@ -52,7 +52,7 @@ globalThis.GSVC ??= {};
   const MAIN = 1; // the value of `profile`
   const OTHERS_RESERVED = ["profile", "level", "flags", "layer_count", "main_tools"];
 
-  /** Reads `magic` and version; the bits behind them, and version_minor. */
+  /** Reads `magic` and version; the bits after them, and version_minor. */
   function readPrefix(stream) {
     const s = new Bits(stream, 0, "R-6.1-1");
     if (s.raw(8).some((byte, i) => byte !== MAGIC[i])) throw new Fault("R-6.1-1", s.element);

@@ -63,7 +63,7 @@ globalThis.GSVC ??= {};
       return { type: String.fromCharCode(this.bytes[at]), ...payload, next: payload.end + CRC_SIZE };
     }
 
-    /** The register behind so many bytes. */
+    /** The register after so many bytes. */
     #register(at) {
       const { kept, bytes } = this;
       for (let n = kept.length; n <= Math.floor(at / KEPT_EVERY); n++) {

@@ -73,7 +73,7 @@ fn add(a: u32, b: u32) -> u32 {
     }
     let x = unpacked(large);
     let y = unpacked(small);
-    // 7 bits behind the last one: where a difference loses more than one leading bit, the shift was by at most one.
+    // 7 bits after the last one: where a difference loses more than one leading bit, the shift was by at most one.
     let first = x.significand << 7u;
     let second = shifted_right(y.significand << 7u, u32(x.exponent - y.exponent));
     let sum = select(first + second, first - second, subtracts);
@@ -136,7 +136,7 @@ fn divide(a: u32, b: u32) -> u32 {
     return rounded(sign, x.exponent - y.exponent + 127, (quotient << 1u) | min(remainder, 1u));
 }
 
-// The integer nearest to a number with two bits behind the point, ties to even.
+// The integer nearest to a number with two bits after the point, ties to even.
 fn nearest(quarters: u32) -> u32 {
     return (quarters + 1u + ((quarters >> 2u) & 1u)) >> 2u;
 }

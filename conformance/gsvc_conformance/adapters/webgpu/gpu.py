@@ -79,7 +79,7 @@ def upload(data: Array) -> Any:
 
 
 def uniform(*fields: Array | np.generic) -> Any:
-    """A uniform buffer of fields, one behind the other; the caller knows the alignment."""
+    """A uniform buffer of fields, one after the other; the caller knows the alignment."""
     raw = b"".join(field.tobytes() for field in fields)
     return device().create_buffer_with_data(data=raw + bytes(-len(raw) % 16), usage=wgpu.BufferUsage.UNIFORM)
 

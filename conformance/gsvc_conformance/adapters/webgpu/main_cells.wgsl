@@ -32,7 +32,7 @@ struct Part {
 @group(0) @binding(5) var<storage, read> first_splats: array<u32>;            // of each part of the list
 @group(0) @binding(6) var<storage, read> bins: array<u32>;
 @group(0) @binding(6) var<storage, read_write> cells: array<i32>;             // (splats, 2)
-@group(0) @binding(7) var<storage, read> low: array<u32>;                     // the raw bits behind the bins
+@group(0) @binding(7) var<storage, read> low: array<u32>;                     // the raw bits after the bins
 @group(0) @binding(8) var<storage, read_write> halves: array<Part>;
 
 // The cells of the second half that are inside of the frame.
@@ -80,7 +80,7 @@ fn halve(@builtin(global_invocation_id) id: vec3<u32>) {
     halves[2u * id.x + 1u] = other;
 }
 
-// The last part of the list that does not begin behind the splat.
+// The last part of the list that does not begin after the splat.
 @compute @workgroup_size(256)
 fn locate(@builtin(global_invocation_id) id: vec3<u32>) {
     if (id.x >= halving.most) {

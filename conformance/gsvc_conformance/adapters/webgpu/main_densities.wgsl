@@ -13,12 +13,12 @@ struct Density {
     edge_shift: u32,
     edge_unit: i32,
     bins: u32,
-    low_bits: u32,          // raw ones behind the bins; those of magnitudes depend on the bin
+    low_bits: u32,          // raw ones after the bins; those of magnitudes depend on the bin
 }
 
 const LOGISTIC = 0u;
 const BETA_BINOMIAL = 2u;
-const HALVES = 1538u;               // where the tables of (15-8) begin, behind those of section 15.3
+const HALVES = 1538u;               // where the tables of (15-8) begin, after those of section 15.3
 const HALF_TABLE = 17u;             // numbers of each
 const PLANES = 6u;                  // luma, chroma1, chroma2, size, aspect, shear
 const DENSITIES_OF_PLANE = 40u;     // one for each class of magnitudes of k0, or for each class of splats

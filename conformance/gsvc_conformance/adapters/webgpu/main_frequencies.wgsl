@@ -49,7 +49,7 @@ fn density_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
     result[i] = i + (((TOTAL - numbers.count) * v) >> 16u);
 }
 
-// `result` has room for n + 2 numbers; those behind C[bins] stay 0.
+// `result` has room for n + 2 numbers; those after C[bins] stay 0.
 @compute @workgroup_size(256)
 fn half_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
     let density = half_density(numbers.count, numbers.first_half, numbers.second_half, numbers.halving_code);

@@ -30,7 +30,7 @@ const BY_CHOICE = 1u;
 const GROUP = 32u;           // lanes
 const LOWEST_STATE = 0x10000u;
 
-// Where a run has, behind the states of its lanes: the next word of each group, the one behind its last, how many symbols
+// Where a run has, after the states of its lanes: the next word of each group, the one after its last, how many symbols
 // stand in front of each dispatch, and of all symbols c(s), f(s), pass and lane, 16 bits each.
 const TAKEN = 4096u;
 const ENDS = 4224u;
@@ -122,7 +122,7 @@ fn without_word(lane: Lane, i: u32, symbol: Symbol) -> u32 {
     return symbol.frequency * (lane.x >> 14u) + (lane.x & 0x3fffu) - symbol.start;
 }
 
-// The state and the words that were taken behind a round. All lanes have to come here, in every round. A word that is
+// The state and the words that were taken after a round. All lanes have to come here, in every round. A word that is
 // missing is 0; the host finds it by the number of words that were needed (R-7-1).
 fn with_word(lane: Lane, round: u32, needs_word: bool) -> vec2<u32> {
     if (needs_word) {

@@ -18,7 +18,7 @@ struct Values {
 @group(0) @binding(1) var<storage, read> numbers: array<u32>;              // of items
 @group(0) @binding(2) var<storage, read_write> places: array<u32>;         // of items, in their string
 @group(0) @binding(3) var<storage, read_write> lengths: array<u32>;        // of the early string so far, and the late one
-@group(0) @binding(4) var<storage, read> text: array<u32>;                 // the string in the payload, behind its length
+@group(0) @binding(4) var<storage, read> text: array<u32>;                 // the string in the payload, after its length
 @group(0) @binding(5) var<storage, read> states: array<u32>;               // of the lanes
 @group(0) @binding(6) var<storage, read_write> result: array<u32>;
 
@@ -70,7 +70,7 @@ fn offsets(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
-// 32 bits of the payload's string; 0 behind its end.
+// 32 bits of the payload's string; 0 after its end.
 fn word_of_text(number: u32) -> u32 {
     if (number >= text[0]) {
         return 0u;

@@ -6,7 +6,7 @@
 //     window_codes     splats / 256   0 2 3 4 5 6           codes of size, aspect or shear from bins and low bits
 //     place_bits       splats / 256   0 2 4 6               how many bits x or y of a place in a cell has
 //     main_intra       splats / 256   0 2 3 4 5 6           (15-10), (15-15)
-//     new_splats       splats / 256   0 2 3 4 5 6 7 8       the same, behind the splats that stay
+//     new_splats       splats / 256   0 2 3 4 5 6 7 8       the same, after the splats that stay
 //     difference_contexts   splats / 256   0 2 4 6 7 8      which differences have a sign, and contexts of the next ones
 //     signed_codes     splats / 256   0 2 3 4 6             codes of classes of magnitudes, low bits and signs
 //     differences      splats / 256   0 2 3 4 5 6           differences of classes, low bits and signs
@@ -122,7 +122,7 @@ fn new_splats(@builtin(global_invocation_id) id: vec3<u32>) {
 
 @group(0) @binding(2) var<storage, read> classes: array<u32>;               // of splats, or of their magnitudes
 @group(0) @binding(2) var<storage, read> bins: array<u32>;
-@group(0) @binding(3) var<storage, read> low: array<u32>;                   // the low bits behind them
+@group(0) @binding(3) var<storage, read> low: array<u32>;                   // the low bits after them
 @group(0) @binding(4) var<storage, read> classes_of_splats: array<u32>;
 @group(0) @binding(5) var<storage, read> densities: array<Density>;
 
@@ -221,7 +221,7 @@ fn field_vectors(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// The cell before a position, the one behind it, and the 64ths of the way between their centres.
+// The cell before a position, the one after it, and the 64ths of the way between their centres.
 fn between(position: i32, cells_there: i32) -> vec3<i32> {
     let b = 31u - countLeadingZeros(256u * u32(frame.side));
     let u = clamp(position - 128 * frame.side, 0, (cells_there - 1) << b);

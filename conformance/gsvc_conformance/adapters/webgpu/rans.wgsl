@@ -22,7 +22,7 @@ struct Plane {
 }
 
 @group(0) @binding(0) var<uniform> plane: Plane;
-@group(0) @binding(1) var<storage, read> cumulative: array<u32>;              // c(s), and 2^R behind the last one
+@group(0) @binding(1) var<storage, read> cumulative: array<u32>;              // c(s), and 2^R after the last one
 @group(0) @binding(2) var<storage, read_write> symbol_of_slot: array<u32>;
 @group(0) @binding(3) var<storage, read_write> states: array<u32>;            // of the lanes: at first, and in the end
 @group(0) @binding(4) var<storage, read> words: array<u32>;                   // two words of 16 bits in each

@@ -103,7 +103,7 @@ void count_touching(global const Splat *splats, global const uint *parent_list, 
         count[region] = hits[0];
 }
 
-/* The same walk again: now the place of each splat is known, behind those that lower lanes and earlier rounds took. */
+/* The same walk again: now the place of each splat is known, after those that lower lanes and earlier rounds took. */
 kernel __attribute__((reqd_work_group_size(LANES, 1, 1)))
 void write_touching(global const Splat *splats, global const uint *parent_list, global const ulong *parent_start, Grid grid,
                     global const ulong *start, global uint *list)

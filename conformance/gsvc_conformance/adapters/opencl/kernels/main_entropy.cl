@@ -14,7 +14,7 @@ typedef struct {
     uint edge_shift;
     int edge_unit;
     uint bins;
-    uint low_bits;                          /* raw ones behind the bins; those of magnitudes depend on the bin */
+    uint low_bits;                          /* raw ones after the bins; those of magnitudes depend on the bin */
 } Density;
 
 typedef struct {
@@ -25,7 +25,7 @@ typedef struct {
 #define MAIN_LANES 64                       /* work-items of the groups that make lists and offsets */
 #define MAIN_GROUP 32                       /* lanes of a run that share words, and the work-items that decode them */
 #define LOWEST_STATE 0x10000u
-#define FAMILIES 1024                       /* where LOGISTIC and LAPLACE begin in the tables, behind EXP2 */
+#define FAMILIES 1024                       /* where LOGISTIC and LAPLACE begin in the tables, after EXP2 */
 #define HALVES 1538                         /* and the tables of (15-8), 17 numbers each */
 #define BETA_BINOMIAL 2u
 
@@ -267,7 +267,7 @@ kernel void main_encode(global const uint *starts, global const uint *frequencie
 #define SYMBOLS told.n[10]
 #define MAGNITUDES told.n[11]               /* 1: symbols are classes of magnitudes */
 
-/* Where a run has, behind the states of its lanes: the next word of each group, the one behind its last, how many symbols
+/* Where a run has, after the states of its lanes: the next word of each group, the one after its last, how many symbols
    stand in front of each dispatch, and of all symbols c(s), f(s), pass and lane, 16 bits each. */
 #define RUN_TAKEN 4096
 #define RUN_ENDS 4224
@@ -315,7 +315,7 @@ Symbol symbol_of_density(global const uint *tables, Density d, uint slot)
     return found;
 }
 
-/* Symbols of a pass: the code finds that of the item which this lane has in a round. Lanes that need a word find it behind
+/* Symbols of a pass: the code finds that of the item which this lane has in a round. Lanes that need a word find it after
    those of the lanes before (15.6). A word that is missing is 0; the host sees how many were needed. */
 #define PASS(find_symbol) \
     local uint votes[2]; \
@@ -419,7 +419,7 @@ void main_offsets(global const uint *numbers, global uint *places, global uint *
         lengths[LATE] = sum;
 }
 
-uint word_of_text(global const uint *text, uint number)             /* 0 behind its end */
+uint word_of_text(global const uint *text, uint number)             /* 0 after its end */
 {
     return number < text[0] ? text[1 + number] : 0;
 }

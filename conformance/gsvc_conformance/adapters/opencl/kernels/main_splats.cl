@@ -69,7 +69,7 @@ kernel void main_halve(global const Part *parts, global const uint *list, global
     halves[2 * i + 1] = second;
 }
 
-/* The cell of each splat: that of the last part that does not begin behind it. */
+/* The cell of each splat: that of the last part that does not begin after it. */
 kernel void main_locate(global const Part *parts, global const uint *list, global const uint *first_splats, global int *cells,
                         Numbers told)
 {
@@ -249,7 +249,7 @@ kernel void main_field_vectors(global const int *steps, global int *vectors, Num
     }
 }
 
-/* The cell before a position, the one behind it, and the 64ths of the way between their centres. */
+/* The cell before a position, the one after it, and the 64ths of the way between their centres. */
 int3 between(int position, int side, int cells)
 {
     int b = 31 - clz(256 * side);
