@@ -25,7 +25,7 @@ OF_MAIN: Final = {"quantizer_present": " (frame_body)", **dict.fromkeys(("lane_s
 
 
 def values(stream: bytes) -> Values:
-    """The values of every element of a stream, up to its fault if it has one."""
+    """The values of every element of a stream and of all its layers, up to its fault if it has one."""
     from gsvc_base.errors import GsvcError
     from gsvc_ref.paper import FrameCodes
     from gsvc_ref.stream import StreamReader
@@ -33,7 +33,7 @@ def values(stream: bytes) -> Values:
     found: defaultdict[str, tuple[int, set[Number]]] = defaultdict(lambda: (0, set()))
     try:
         splats = 0
-        for frame in StreamReader(stream, trace=_recorder(found, stated_profile(stream))):
+        for frame in StreamReader(stream, layer=None, trace=_recorder(found, stated_profile(stream))):
             if isinstance(frame.codes, FrameCodes):
                 _note_codes(found, frame.codes, splats)
             splats = len(frame.splats)

@@ -13,7 +13,9 @@ from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, cro
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.rules import kind_of
+from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.densities import SLOPED
 from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 PLANS: Final = (Plan("I", 9, lane_exponent=1), Plan("P", 2, lane_exponent=2, motion_cell=3), Plan("R"),
@@ -45,9 +47,35 @@ def _last_and_one(states: Any) -> Any:
     return [*states[:-1], states[-1] + 1]
 
 
-def _without_densities(number: Any) -> Any:
+def _flag_cleared(number: Any) -> Any:
+    """`splat_number`, which is odd in frames with densities, in one without."""
     return number - 1
 
+
+def _no_densities() -> list[Lie]:
+    """The second frame, of the size of `MAIN_HEADER`, has no densities, and is sound but for that."""
+    counts = {"density_family": 6, "scale_code": 6, "centre": 6, "slope": len(SLOPED),
+              "halving_code": halving_count(MAIN_HEADER.width, MAIN_HEADER.height)}  # fmt: skip
+    gone = [Lie(name, "", count + n) for name, count in counts.items() for n in range(count)]
+    return [Lie("splat_number", _flag_cleared, 1), *gone]
+
+
+def _word_left() -> list[Lie]:
+    """The first group of the first frame has a word more, of which `word_count` knows, and is sound but for that."""
+    counts: list[int] = []
+
+    def more(count: int) -> int:
+        counts.append(count)
+        return count + 1
+
+    return [
+        Lie("word_count", more),
+        Lie("word", lambda words: [*words[: counts[-1]], 0, *words[counts[-1] :]]),
+    ]
+
+
+TWO: Final = Plan("I", 9), Plan("I", 9)
+"""Two I-frames with the same quantizer and densities."""
 
 MANY: Final = (Plan("I", 30, lane_exponent=6), Plan("P", lane_exponent=6, kind="any"))
 """Frames whose lanes are two groups."""
@@ -66,9 +94,6 @@ ELEMENTS: Final[tuple[tuple[str, str, str, str, Lie, int], ...]] = (
      Lie("lane_exponent", 15, 1), 1),
     ("R-15.5-2", "field_of_an_i_frame", "an I-frame has a motion field", "there is nothing that moves",
      Lie("motion_cell", 1), 0),
-    ("R-15.5-5", "no_quantizer", "an I-frame has no quantizer", "it must say it", Lie("quantizer_present", 0), 0),
-    ("R-15.5-3", "no_densities", "an I-frame with splats has no densities", "it must have its own",
-     Lie("splat_number", _without_densities), 0),
     ("R-5-2", "splats_of_main", "an I-frame has 16385 splats", "level 1 allows 16384",
      Lie("splat_number", 2 * 16384 + 1), 0),
     ("R-5-2", "splats_of_main_without_densities", "an I-frame has 16385 splats and no densities",
@@ -106,8 +131,6 @@ OF_LANES: Final[tuple[tuple[str, str, str, str, tuple[Plan, ...], Lie], ...]] = 
      "the payload has fewer", MANY, Lie("word_count", 2**10)),
     ("R-7-1", "word_of_a_group_missing", "the first group has a word fewer than it takes", "its symbols need it", MANY,
      Lie("word_count", lambda count: count - 1)),
-    ("R-7-1", "word_of_a_group_left", "the first group has a word more than it takes", "it takes all of them", MANY,
-     Lie("word_count", lambda count: count + 1)),
     ("R-7-1", "unused_lane", "the last of 64 lanes begins at 2^16 + 1, and has no symbol", "it must be at 2^16", FEW,
      Lie("lane_state", _last_and_one)),
 )  # fmt: skip
@@ -124,6 +147,13 @@ def main_faults() -> Iterator[Broken]:
     for rule, what, lie, truth, plans, told in OF_LANES:
         also = ("R-15.6-2",) if rule == "R-7-1" else ()
         yield Broken(rule, kind_of(rule), what, lie, truth, partial(streams, plans, told, max_lane_exponent=6), 0, also)
+    yield Broken("R-7-1", "malformed", "word_of_a_group_left", "the first group has a word more than it takes",
+                 "it takes all of them", partial(streams, MANY, *_word_left(), max_lane_exponent=6), 0,
+                 ("R-15.6-2",))  # fmt: skip
+    yield Broken("R-15.5-5", kind_of("R-15.5-5"), "no_quantizer", "an I-frame has no quantizer", "it must say it",
+                 partial(streams, TWO, Lie("quantizer_present", 0, 1), Lie("quantizer", "", 1)), 1)  # fmt: skip
+    yield Broken("R-15.5-3", kind_of("R-15.5-3"), "no_densities", "an I-frame with splats has no densities",
+                 "it must have its own", partial(streams, TWO, *_no_densities()), 1)  # fmt: skip
     yield Broken("R-7-1", "malformed", "no_words", "no byte follows the lane states", "symbols need words",
                  partial(streams, PLANS, Lie("word", []), Lie("raw_byte", b"")), 0, ("R-15.6-2",))  # fmt: skip
     yield Broken("R-7-1", "malformed", "late_lane_of_17_bits", "lane 10 ends at 2^17 or more, with late bits",
@@ -135,10 +165,10 @@ def main_faults() -> Iterator[Broken]:
                  "align() skips zeros", partial(streams, PLANS, Lie("align", 1), width=70))  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "no_densities_yet",
                  "new splats, and no frame since the I-frame has densities", "they need some",
-                 partial(streams, EMPTY, Lie("splat_number", _without_densities)), 1)  # fmt: skip
+                 partial(streams, EMPTY, Lie("splat_number", _flag_cleared)), 1)  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame",
                  "new splats, and only the frames before the I-frame have densities", "an I-frame forgets them",
-                 partial(streams, (Plan("I", 4), *EMPTY), Lie("splat_number", _without_densities, 1)), 2)  # fmt: skip
+                 partial(streams, (Plan("I", 4), *EMPTY), Lie("splat_number", _flag_cleared, 1)), 2)  # fmt: skip
     yield Broken("R-6.4-3", kind_of("R-6.4-3"), "main_checksum", "the checksum of an I-frame is 0",
                  "it is that of its parameters",
                  partial(streams, PLANS, Lie("parameter_checksum", 0), parameter_checksum_flag=True))  # fmt: skip

@@ -248,7 +248,7 @@ def a_mask_beyond_layer_count() -> Inputs:
     assert result(expected, "error") == ""
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-5", "R-15.13-6"])
+@case("core", "reconstruct_layers", rules=["R-13-9", "R-15.13-5", "R-15.13-6"])
 def dropped_above_the_quality() -> Inputs:
     """A server has dropped layers 2 and 3 and left the masks: a decoder of quality 1 misses nothing."""
     lost = [(entry.frame, entry.layer) for entry in LAYERS if entry.layer > 1]
@@ -394,7 +394,7 @@ LEVEL_2: Final[dict[str, Any]] = {"level": 2, "layer_count": 2, "qualities": ((1
 """A stream whose base asks for level 1, and the two layers together for level 2."""
 
 
-@case("uncommon", "reconstruct_layers", rules=["R-5-9"], flags=["limit"], each={"0": 0, "1": 1})
+@case("uncommon", "reconstruct_layers", rules=["R-5-9", "R-5-10"], flags=["limit"], each={"0": 0, "1": 1})
 def operating_points(value: int) -> Inputs:
     """512 splats of the base cover 256x256 pixels, as level 1 allows; 100 of a layer need level 2: quality {key}."""
     stream = with_layers(Draws(0), [covering(512)], [LayerPlan(0, 1, covering(100))], **SIZE, **LEVEL_2)
@@ -471,7 +471,6 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
-    large: bool = False  # whether a mutant takes a minute
 
 
 LAYER_I: Final = Plan("I", 2)
@@ -654,7 +653,6 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 16384 together",
         (Plan("I", 2), Plan("P", 3, kind="likely")),
         complete=1,
-        large=True,
     ),
     "work": FaultyLayer(
         (LayerPlan(0, 1, covering(113)), LayerPlan(0, 2, covering(100))),
@@ -769,7 +767,6 @@ for key, entry in FAULTY_LAYERS.items():
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
         rules=[entry.rule],
-        flags=[CAPACITY] if entry.large else [],
         fault=Fault(entry.lie, entry.truth),
         function=faulty_layer,
         arguments={"value": entry},

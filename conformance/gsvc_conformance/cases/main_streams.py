@@ -208,6 +208,14 @@ def main_densities_kept(rng: Draws) -> Inputs:
     assert len(result(expected, "counts")) == 7
 
 
+@on("core", *READ)
+def main_least_numbers(rng: Draws) -> Inputs:
+    """`max_lane_exponent` is 0, and `splat_number` is 0 in a P-frame with one new splat that has no densities."""
+    plans = [Plan("I", 1, 0), Plan("P", 1, 0, own=False)]
+    expected = yield {"stream": main_stream(rng, *plans, max_lane_exponent=0)}
+    assert len(result(expected, "counts")) == 2
+
+
 @on("core", *READ, rules=["R-15.5-4"], flags=["kept"])
 def main_densities_behind_an_empty_i_frame(rng: Draws) -> Inputs:
     """An I-frame without splats, and a P-frame with new ones, which has densities."""

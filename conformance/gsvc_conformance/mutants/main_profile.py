@@ -504,7 +504,8 @@ FAULTS: tuple[Mutant, ...] = (
     mutant(AREA, "quantizer-80-accepted", "quantizers above 79 accepted", ('        if body["quantizer"] > 79:', '        if body["quantizer"] > 255:')),
     mutant(AREA, "main-tools-ignored", "bits of main_tools ignored", ("(\"main_tools\", 1, 0, 0)", "(\"main_tools\", 1, 0, 255)")),
     mutant(AREA, "densities-of-an-i-frame-optional", "an I-frame without densities taken for one that keeps some",
-        ("    if count > 0 and not present and frame_type == \"I\":  # R-15.5-3\n        raise Fault(\"R-15.5-3\", p.element)\n", "")),
+        ("    if count > 0 and not present and frame_type == \"I\":  # R-15.5-3\n        raise Fault(\"R-15.5-3\", p.element)\n", ""),
+        ("        self.densities = None\n", "        self.densities = getattr(self, \"densities\", None)\n")),
     mutant(AREA, "main-states-unchecked", "lane states of a run below 2^16 accepted",
         ("            if self.states[-1] < LOWEST_STATE:  # R-6.6-5\n", "            if self.states[-1] < 0:  # R-6.6-5\n")),
     mutant(AREA, "main-end-unchecked", "a run whose raw bits may end anywhere",
@@ -518,7 +519,8 @@ FAULTS: tuple[Mutant, ...] = (
     mutant(AREA, "main-final-states-of-17-bits", "final states of lanes with late bits that are not limited",
         ("            most = 2 * LOWEST_STATE - 1 if lane < carried else LOWEST_STATE\n", "            most = 2**32 if lane < carried else LOWEST_STATE\n")),
     mutant(AREA, "new-splats-alone-counted", "new splats of a P-frame held against the level without those before",
-        ("    if count + len(main.splats) > limits[\"splats\"]:", "    if count > limits[\"splats\"]:")),
+        ("    if count + len(main.splats) > limits[\"splats\"]:", "    if count > limits[\"splats\"]:"),
+        ("    if count + len(main.splats) > limits[\"own_splats\"]:", "    if count > limits[\"own_splats\"]:")),
 )  # fmt: skip
 
 MUTANTS: Final[tuple[Mutant, ...]] = (*TABLES, *STATES, *ENTROPY, *INTRA, *MOTION, *INTER, *LAYERS, *FAULTS)
