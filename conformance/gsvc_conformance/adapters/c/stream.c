@@ -40,7 +40,7 @@ _Noreturn void fault(struct decoder *decoder, const char *rule, u64 bit) {
 
 const char *kind_of(const char *rule) {             /* 12.1 */
     static const char *const kinds[3][12] = {
-        {"R-3.1-1", "R-3.1-3", "R-6.1-1", "R-6.2-1", "R-6.2-2", "R-6.2-3", "R-6.2-4", "R-6.6-6", "R-7-1"},
+        {"R-3.1-1", "R-3.1-3", "R-6.1-1", "R-6.2-1", "R-6.2-2", "R-6.2-3", "R-6.2-4", "R-6.6-6", "R-7-1", "R-15.6-5"},
         {"R-3.2-1", "R-5-6", "R-6.1-2", "R-6.5-1", "R-6.6-1"},
         {"R-5-1", "R-5-2", "R-5-3", "R-5-4", "R-5-7", "R-5-8", "R-5-9", "R-5-11", "R-9.4-2"}};
     static const char *const names[3] = {"malformed", "unsupported", "limit"};

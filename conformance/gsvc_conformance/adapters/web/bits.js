@@ -4,7 +4,7 @@ globalThis.GSVC ??= {};
 {
   const KIND_OF_RULE = {};
   const kinds = {
-    malformed: "R-3.1-1 R-3.1-3 R-6.1-1 R-6.2-1 R-6.2-2 R-6.2-3 R-6.2-4 R-6.6-6 R-7-1",
+    malformed: "R-3.1-1 R-3.1-3 R-6.1-1 R-6.2-1 R-6.2-2 R-6.2-3 R-6.2-4 R-6.6-6 R-7-1 R-15.6-5",
     unsupported: "R-3.2-1 R-6.1-2 R-6.5-1 R-6.6-1",
     limit: "R-5-1 R-5-2 R-5-3 R-5-4 R-5-7 R-5-8 R-5-9 R-5-11 R-9.4-2",
   };
