@@ -9,7 +9,7 @@ from gsvc_conformance import reference, spec
 from gsvc_conformance.cases.building import operated
 from gsvc_conformance.cases.faults import colored, flat, overview, rich, three
 from gsvc_conformance.cases.faulty import faults
-from gsvc_conformance.cases.main_layers import FAULTY_LAYERS, POINTS
+from gsvc_conformance.cases.faulty_layers import FAULTY_LAYERS, POINTS
 from gsvc_conformance.spec import SPEC
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.rules import kind_of
