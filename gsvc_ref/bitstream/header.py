@@ -18,6 +18,15 @@ class Level:
     work: int
     payload: int
 
+    def joined(self, other: "Level") -> "Level":
+        """The limits that allow what either allows."""
+        return Level(
+            max(self.pixels, other.pixels),
+            max(self.splats, other.splats),
+            max(self.work, other.work),
+            max(self.payload, other.payload),
+        )
+
 
 LEVELS: Final[dict[int, Level]] = {
     1: Level(1 << 17, 1 << 14, 1 << 25, 1 << 20),

@@ -3,7 +3,7 @@
 import os
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import BinaryIO, Final
 
@@ -192,9 +192,7 @@ class StreamWriter:
         if codes.type == "I" and self._entries is not None:
             self._entries.append(_IndexEntry(self.frame_count, offsets[0]))
         self.frame_count += 1
-        self._most = [
-            Level(*map(max, astuple(most), astuple(need))) for most, need in zip(self._most, needs, strict=True)
-        ]
+        self._most = [most.joined(need) for most, need in zip(self._most, needs, strict=True)]
         self.state, self.layers, self._paces, self._work, self._frame_end = state, shown, paces, work, self.offset
         spent = [{category: one[category] for category in self._categories if one[category]} for one in bits]
         written = tuple(
