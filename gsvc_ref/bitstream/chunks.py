@@ -45,16 +45,17 @@ def magic(s: Coder) -> None:
     """`magic` of stream(), spec.md section 6.1."""
     if s.raw("magic", len(MAGIC), MAGIC) != MAGIC:
         s.fail(
-            "R-6.1-1", "this is no .gsvc stream, or a transfer in text mode has damaged it: its magic number differs"
+            "R-6.1-1", "this is not a .gsvc stream, or a transfer in text mode has damaged it: its magic number differs"
         )
 
 
 def version(s: Coder) -> int:
     """`version_major` and `version_minor` of stream(), spec.md section 6.1; the minor one."""
     if (major := s.le("version_major", 1, VERSION_MAJOR)) != VERSION_MAJOR:
-        old = "; encode its source again, with this version" if major in (1, 129) else ""
+        is_old = major in (1, 129)
+        advice = "encode its source again, with this version" if is_old else "a newer version of gsvc may read it"
         names = _version_name(major), _version_name(VERSION_MAJOR)
-        s.fail("R-6.1-2", f"the stream is of {names[0]}; this decoder reads {names[1]}{old}")
+        s.fail("R-6.1-2", f"the stream is of {names[0]}; this decoder reads {names[1]}; {advice}")
     return s.le("version_minor", 1, VERSION_MINOR)
 
 

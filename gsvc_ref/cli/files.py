@@ -34,6 +34,8 @@ CUT_RULE: Final = "R-6.2-4"
 """The requirement of spec.md that a file breaks which ends early."""
 MAGIC_RULE: Final = "R-6.1-1"
 """The requirement that a file of another type breaks."""
+VERSION_RULE: Final = "R-6.1-2"
+"""The requirement by which another version is refused; the message says what to do."""
 LEVEL_RULE: Final = "R-5-6"
 """The requirement by which a level above ``--max-level`` is refused."""
 
@@ -150,10 +152,10 @@ def open_stream(name: str, *, salvage: bool = False, max_level: int = 5, layer: 
         if name != STDIO and Path(name).is_file() and Path(name).stat().st_size == 0:
             message = f"{name} is empty; if it is still being written, try again later"
             raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
-        advice = _advice(error, name)
-        if salvage:
+        advice = "" if error.rule == VERSION_RULE else f"; {_advice(error, name)}"
+        if salvage and advice:
             advice += "; nothing can be salvaged without a sound beginning, which ends with the sequence header"
-        message = f"{display_name(name)}: {error.message}; {advice}"
+        message = f"{display_name(name)}: {error.message}{advice}"
         raise GsvcError(error.kind, message, rule=error.rule, bit=error.bit) from None
 
 

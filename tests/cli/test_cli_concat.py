@@ -136,7 +136,7 @@ def test_a_damaged_part(fails, parts, tmp_path, first):
 
 
 def test_no_stream(fails, clip, parts, tmp_path):
-    assert f"malformed: {clip}: this is no .gsvc stream" in fails(1, parts[0], clip, "-o", tmp_path / "out.gsvc")
+    assert f"malformed: {clip}: this is not a .gsvc stream" in fails(1, parts[0], clip, "-o", tmp_path / "out.gsvc")
 
 
 def test_wrong_use(fails, parts, tmp_path, standard_input):
