@@ -57,9 +57,9 @@ def add_options(parser: ArgumentParser) -> None:
     )  # fmt: skip
     rate.add_argument(
         "--layers", type=numbers_of(finite), nargs="?", const=2, metavar="DB,DB,...",
-        help="quality layers of profile main: without a value two, the base with half of the splats, some 3 %% more "
-        "bits; or up to 4 by the PSNR with the base, with layer 1, ..., as 30,34; gsvc decode --layer shows and gsvc "
-        "cut --layer keeps the lower ones",
+        help="quality layers of profile main: without a value two, the base with half of the splats, about as good as "
+        "one layer, for some 3 %% more bits at equal PSNR; or up to 4 by the PSNR with the base, with layer 1, ..., as "
+        "30,34; gsvc decode --layer shows and gsvc cut --layer keeps the lower ones",
     )  # fmt: skip
     rate.add_argument(
         "--layers-splats", type=numbers_of(whole), metavar="N,N,...", dest="layer_splats",

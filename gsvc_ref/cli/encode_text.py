@@ -34,7 +34,9 @@ def describe_settings(settings: "Settings", width: int, height: int) -> str:
         goals = [f"{goal:g} dB" for goal in settings.layer_goals] or [
             plural(goal, "splat") for goal in settings.layer_splats
         ]
-        rate = f"{settings.layer_count} layers of {', '.join(goals) or splats + ' together'}"
+        alone = plural(settings.splat_count(width, height), "splat")
+        what = f"of {', '.join(goals)}" if goals else f"about as good as one of {alone}"
+        rate = f"{settings.layer_count} layers {what}"
     elif settings.goal is not None:
         goal = GOAL_TEXT[settings.goal].format(getattr(settings, settings.goal))
         rate = f"{goal} with at most {about}{splats} a frame"

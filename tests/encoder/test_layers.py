@@ -112,9 +112,10 @@ def test_a_base_that_weighs_more_is_better_for_more_bits() -> None:
 
 
 def test_layers_by_their_number_halve_the_splats() -> None:
+    """All together begin with more than a single layer of their quality would."""
     settings = Settings.quick(layers=3, splats=100)
-    assert [one.splats for one in settings.of_layers(64, 48)] == [25, 25, 50]
-    assert [one.splats for one in Settings.quick(layers=2).of_layers(80, 40)] == [40, 40]
+    assert [one.splats for one in settings.of_layers(64, 48)] == [35, 35, 70]
+    assert [one.splats for one in Settings.quick(layers=2).of_layers(80, 40)] == [60, 60]
     assert settings.layer_weights == (0.1, 0.2, 1.0)
     assert Settings.quick(layers=2).layer_weights == (0.15, 1.0)
     assert Settings.quick(layers=3, layers_base=0.5).layer_weights == (0.5, 0.5, 1.0)
@@ -184,7 +185,7 @@ def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert main(["encode", str(source), str(out), *options, "--layers", "22,26", "--json"]) == 0
     assert '"layers"' in capsys.readouterr().out
     assert main(["encode", str(source), str(out), *options, "--splats", "30", "--layers-base", "0.3", "--layers"]) == 0
-    assert "2 layers of 30 splats together" in capsys.readouterr().out
+    assert "2 layers about as good as one of 30 splats" in capsys.readouterr().out
     assert main(["encode", str(source), str(out), *options, "--layers", "30,x"]) == 2
     assert "'x' is not a finite number" in capsys.readouterr().err
 

@@ -17,6 +17,12 @@ from gsvc_ref.main.tables import QUANTIZERS
 LAYER_CELL_GAIN: Final = 3.0
 """By how much finer cells of the motion field are preferred in a layer: what is above it needs them too; measured."""
 
+SPLATS_OF_LAYERS: Final = {2: 1.5, 3: 1.4, 4: 1.8}
+"""How many splats 2, 3 and 4 layers begin with for each of a single one that ends at about their PSNR.
+
+On five clips of 5 frames two layers then had -0.7 to 0.5 dB more in -17 to 5 % more bytes; with 1 they lost 2 to 3 dB.
+"""
+
 MIDDLE_WEIGHT: Final = 0.2
 """What the error of a layer between the base and the topmost one weighs, if the base does not weigh more."""
 
@@ -169,7 +175,7 @@ class MainSettings(Settings):
             return [replace(alone, psnr=psnr) for psnr in self.layer_goals]
         totals, count = self.layer_splats, self.layer_count
         if not totals:
-            all_splats = self.splat_count(width, height)
+            all_splats = self.most_splats(width, height)
             totals = tuple(max(layer + 1, all_splats >> (count - 1 - layer)) for layer in range(count))
         return [replace(alone, splats=total - fewer) for fewer, total in zip((0, *totals), totals, strict=False)]
 
@@ -186,7 +192,7 @@ class MainSettings(Settings):
             return replace(self, layers=(), psnr=self.layer_goals[-1]).most_splats(width, height)
         if self.splats is None and width * height < PIXELS_PER_SPLAT:
             return width * height
-        return super().most_splats(width, height)
+        return round(SPLATS_OF_LAYERS.get(self.layer_count, 1) * super().most_splats(width, height))
 
     def splat_count(self, width: int, height: int) -> int:
         """N for a frame of this size: by default one for PIXELS_PER_SPLAT pixels, and for each where they are fewer."""
