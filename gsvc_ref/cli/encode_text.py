@@ -75,7 +75,7 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
     frames = report.frames
     counts = Counter[str](frame.type for frame in frames)
     types = ", ".join(f"{counts[kind]} {kind}" for kind in "IPR" if counts[kind])
-    splats = max(frame.splats for frame in frames)
+    splats = max(sum(layer.splats for layer in frame.layers) or frame.splats for frame in frames)
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
     total = max(report.seconds, sum(report.seconds_by_stage.values()))  # several processes spend more than passes
     shares = ", ".join(f"{stage} {seconds / total:.0%}" for stage, seconds in stages[:4] if total)

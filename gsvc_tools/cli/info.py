@@ -222,7 +222,8 @@ def _type_line(frames: "list[FrameSummary]") -> str:
     splats = [frame.splats for frame in frames]
     counts = ", ".join(f"{types.count(kind)} {kind}" for kind in "IPR" if kind in types)
     span = plural(splats[0], "splat") if len({*splats}) == 1 else f"{min(splats):,} to {max(splats):,} splats"
-    return f"  frames      {counts} ({frame_runs(types, numbers)}); {span} each"
+    each = "" if any(frame.layers for frame in frames) else f"; {span} each"  # the lines of layers tell theirs
+    return f"  frames      {counts} ({frame_runs(types, numbers)}){each}"
 
 
 def _layer_lines(summary: "StreamSummary") -> list[str]:
