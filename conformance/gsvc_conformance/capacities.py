@@ -77,9 +77,11 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
         for axis in "rc"
     },
     ("encode_run", "lane_count"): (0, "`encode_run` looks at one lane at a time"),
-    **{("encode_run", axis): (0, "raw values are a string of bits, whose length K stands for") for axis in "EF"},
+    **{("encode_run", axis): (0, "raw values are a string of bits, whose length K stands for") for axis in "EFt"},
+    ("encode_run", "G"): (0, "there are at most 128 groups of lanes"),
     ("window_frequencies", "M"): (1 << 8, "windows have at most 514 bins"),
-    **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMN"},
+    ("read_main_stream", "E"): (0, "a header has some 20 elements"),
+    **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMNS"},
     **{("reconstruct_layers", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TN"},
     **{("encode_video", axis): _ENCODER for axis in "THW"},
 }

@@ -132,7 +132,7 @@ def header_rows() -> Iterable[Row]:
                  "video_full_range_flag", "chroma_sample_loc_type"):  # fmt: skip
         yield Row(name, EDGES, always(ACCEPTED), said(name))
     yield Row("cholesky_bits", BYTES, within(range(1, 13), "R-6.3-1", FOLLOWS), said("cholesky_bits"))
-    yield Row("profile", BYTES, lambda v: {0: ACCEPTED, 1: "R-6.2-3"}.get(v, "R-3.2-1"), said("profile"))
+    yield Row("profile", BYTES, within([0], "R-3.2-1"), said("profile"))
     yield Row("level", BYTES, within(range(1, 6), "R-3.2-1"), said("level"))
     yield Row("flags", BYTES, within(range(4), "R-3.2-1", FOLLOWS), said("flags"))
     sizes = {"width": (0, 1, 2, 2**17 // 12, 2**17 // 12 + 1, 65535), "height": (0, 1, 2, 2**13, 2**13 + 1, 65535)}
@@ -155,7 +155,7 @@ def container_rows() -> Iterable[Row]:
     magic = bytes.fromhex("89 47 53 56 43 0D 0A 1A")
     changed = [magic[:n] + bytes([magic[n] ^ bit]) + magic[n + 1 :] for n in range(8) for bit in (1, 0x80)]
     yield Row("magic", changed, always("R-6.1-1"), said("magic"))
-    yield Row("version_major", BYTES, within([129], "R-6.1-2"), said("version_major"))
+    yield Row("version_major", BYTES, within([130], "R-6.1-2"), said("version_major"))
     yield Row("version_minor", EDGES, always(ACCEPTED), said("version_minor"))
     yield Row("chunk_type", ALL_BYTES, _rule_of_an_empty_chunk,
               lambda code: operated(lambda c: [*c[:2], (bytes([code]), b""), *c[2:]]))  # fmt: skip
@@ -303,8 +303,9 @@ def main_header_rows() -> Iterable[Row]:
     in_main = partial(said, of=of_main)
     yield Row("profile", BYTES, lambda v: {0: "R-6.2-3", 1: ACCEPTED}.get(v, "R-3.2-1"), in_main("profile"))
     yield Row("level", BYTES, within(range(1, 6), "R-3.2-1"), in_main("level"))
-    # With checksums what is taken for the quantizer of the I-frame is a reserved one.
-    yield Row("flags", BYTES, within([0, 2], "R-3.2-1"), in_main("flags"))
+    # With checksums what is taken for the head of the I-frame has more lanes than the header allows.
+    yield Row("flags", BYTES, lambda v: {0: ACCEPTED, 1: "R-15.5-1", 2: ACCEPTED, 3: "R-15.5-1"}.get(v, "R-3.2-1"),
+              in_main("flags"))  # fmt: skip
     yield Row("bit_depth", BYTES, within(range(8, 17), "R-6.3-1"), in_main("bit_depth"))
     yield Row("max_lane_exponent", BYTES, _rule_of_a_lane_exponent, in_main("max_lane_exponent"))
     # Of layers the operating points are missing.

@@ -76,6 +76,16 @@ def longest_fields(value: tuple[int, int], rng: Draws) -> Inputs:
     assert result(expected, "motion").all()
 
 
+@case("stress", "main_work", flags=FLAGS)
+def work_of_many(rng: Draws) -> Inputs:
+    """70,001 splats in a frame of 400x300 pixels; those at the borders of blocks are larger than all others."""
+    rows = many_states(rng)
+    rows[:, 2:5] %= 1024
+    rows[EDGES, 2:4] = 4096
+    expected = yield {"state": rows, "width": 400, "height": 300, "halvings": 0}
+    assert result(expected, "work") > len(rows)
+
+
 @case("stress", "state_parameters", flags=FLAGS)
 def parameters_of_many(rng: Draws) -> Inputs:
     """70,001 splats."""

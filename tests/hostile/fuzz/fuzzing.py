@@ -8,7 +8,9 @@ from random import Random
 from typing import Final
 
 from gsvc_base.draws import Draws
+from gsvc_conformance.cases.faulty_main import MANY, streams
 from gsvc_conformance.cases.main_layers import BASE, LAYERS, with_layers
+from gsvc_conformance.cases.main_streams import Plan
 from gsvc_ref.testing import (
     OVERVIEW_HEADER,
     RICH_HEADER,
@@ -57,7 +59,7 @@ def some_streams() -> list[bytes]:
 
 
 def some_main_streams() -> list[bytes]:
-    """Small random streams of profile `main`, of one layer and of four."""
+    """Small random streams of profile `main`, of one layer and of four, and some with what is rare in them."""
     made: list[bytes] = []
     seed = 0
     while len(made) < MAIN_STREAMS:
@@ -70,7 +72,8 @@ def some_main_streams() -> list[bytes]:
     layered = (
         with_layers(Draws(seed), BASE, LAYERS, **(checked if seed % 2 else {})) for seed in range(LAYERED_STREAMS)
     )
-    return [*made, *layered]
+    empty = (streams((Plan("I"), Plan("P", count))) for count in range(1, 5))  # a P-frame that needs densities
+    return [*made, *layered, *empty, streams(MANY, max_lane_exponent=6)]
 
 
 @dataclass(frozen=True)
