@@ -374,7 +374,7 @@ def main_work(state: ArrayLike, width: int, height: int, halvings: int = 0) -> i
     width, height
         The size of the frame in pixels.
     halvings
-        0..3: how often both sides are halved before the frame is rendered, with the filter of (9-8f).
+        0..3: how often both sides are halved before the frame is rendered, with the filter of (9-9).
 
     Returns
     -------

@@ -28,7 +28,7 @@ MAIN_REACH: Final = 54544
 """The radius of the support in 2^-14 of a deviation, rounded up."""
 
 HALVED_REACH: Final = (0, 427, 953, 1953)
-"""How far the filter of (9-8f) carries a splat at so many halvings, in 1/256 pixel, rounded up."""
+"""How far the filter of (9-9) carries a splat at so many halvings, in 1/256 pixel, rounded up."""
 
 _LEAST_EXPONENT: Final = -42
 _POWERS: Final[F4] = np.ldexp(np.float32(1), np.arange(_LEAST_EXPONENT, 0))

@@ -515,7 +515,7 @@ def test_layers_of_a_lost_frame_are_not_given_to_the_one_before(data: bytes) -> 
 
 
 def test_one_gap_for_a_layer_that_is_damaged_and_missed(data: bytes) -> None:
-    """The P-frames of a layer after damage are no faults of their own."""
+    """P-frames of a layer after damage do not count as further faults."""
     stream = layered("IPPPP", ({1: "I"}, {1: "P"}, {1: "P"}, {1: "P"}, {1: "I"}))
     damaged = torn(stream, chunk_number(stream, 1, 1))
     parts = list(gsvc_ref.open(damaged).salvage())
