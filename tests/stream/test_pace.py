@@ -7,8 +7,7 @@ import pytest
 
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_conformance.cases.building import HEADER
-from gsvc_conformance.cases.container import equal_splats
-from gsvc_conformance.cases.pace import BYTES, LARGEST, heavy, paced, padded, repeated, two_seconds
+from gsvc_conformance.cases.pace import BYTES, LARGEST, PAPER, group, paced, padded
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream import Gap, StreamReader, StreamWriter
@@ -39,7 +38,7 @@ def test_a_second_has_as_many_frames_as_the_rate_rounded_up(rate: tuple[int, int
 
 
 def test_frames_before_the_one_that_is_too_much_are_yielded() -> None:
-    reader = StreamReader(paced(repeated(None, 70), **LARGEST, frame_rate_numerator=70))
+    reader = StreamReader(paced(group(EMPTY, 70), **LARGEST, frame_rate_numerator=70))
     numbers = []
     with pytest.raises(GsvcError, match="with frame 64, second 0 has 8519680 pixels; level 1 allows 8388608") as fault:
         numbers.extend(frame.number for frame in reader)
@@ -64,7 +63,7 @@ def test_salvage_says_what_comes_too_fast_and_goes_on() -> None:
 
 
 def test_salvage_loses_no_frame_to_the_sums_of_a_second() -> None:
-    data = paced([*repeated(None, 2), *heavy(10)], **LARGEST, frame_rate_numerator=20)
+    data = paced([*group(EMPTY, 2), *PAPER.heavy(10)], **LARGEST, frame_rate_numerator=20)
     parts = list(StreamReader(data).salvage())
     assert [part.number for part in parts if not isinstance(part, Gap)] == list(range(12))
     assert [fault.rule for part in parts if isinstance(part, Gap) for fault in part.faults] == ["R-5-7"]
@@ -72,7 +71,7 @@ def test_salvage_loses_no_frame_to_the_sums_of_a_second() -> None:
 
 def test_behind_damage_nothing_counts() -> None:
     """A damaged ancillary chunk as long as a second may be: what was skipped belongs to no frame."""
-    data = bytearray(padded(two_seconds(), 2, (2, 3), BYTES + 1))
+    data = bytearray(padded(PAPER.two_seconds(), 2, (2, 3), BYTES + 1))
     data[len(data) // 2] ^= 1
     parts = list(StreamReader(bytes(data)).salvage())
     assert [part.number for part in parts if not isinstance(part, Gap)] == [0, 1, 2, 3]
@@ -92,9 +91,9 @@ def test_a_writer_refuses_a_late_frame_and_writes_nothing() -> None:
 @pytest.mark.parametrize(
     ("frames", "header", "what"),
     [
-        (repeated(None, 64), {**LARGEST, "frame_rate_numerator": 65}, "pixels"),
-        (repeated(equal_splats(LEVELS[1].splats), 64), {"frame_rate_numerator": 65}, "splats"),
-        (heavy(8), {**LARGEST, "frame_rate_numerator": 10}, "pairs of rendering work"),
+        (group(EMPTY, 64), {**LARGEST, "frame_rate_numerator": 65}, "pixels"),
+        (group(PAPER.equal(LEVELS[1].splats), 64), {"frame_rate_numerator": 65}, "splats"),
+        (PAPER.heavy(8), {**LARGEST, "frame_rate_numerator": 10}, "pairs of rendering work"),
     ],
 )
 def test_a_writer_refuses_what_is_too_much_for_a_second(
@@ -118,7 +117,7 @@ def test_a_writer_counts_ancillary_chunks_with_the_frame_behind_them() -> None:
 def test_what_a_writer_accepts_a_reader_accepts() -> None:
     target = io.BytesIO()
     writer = StreamWriter(target, replace(HEADER, paced_flag=True, frame_rate_numerator=10, **LARGEST))
-    for codes in [*repeated(None, 2), *heavy(16)]:
+    for codes in [*group(EMPTY, 2), *PAPER.heavy(16)]:
         writer.write_frame(codes)
     writer.finish(("d", b"a log"))
     assert len(list(StreamReader(target.getvalue()))) == 18

@@ -1,6 +1,6 @@
-"""Faulty streams, and short ways to make one."""
+"""Faulty streams, and short ways to make one: of both profiles where a fault is one of the container."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
@@ -8,11 +8,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.cases.building import HEADER, Chunks, intra_block, operated, predicted, quantizer_of
+from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of
+from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.bitstream.header import MAIN as MAIN_PROFILE
 from gsvc_ref.bitstream.coder import Element, encode_uv
 from gsvc_ref.bitstream.rans import encode_plane
+from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream import StreamReader
+from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing import OVERVIEW_HEADER, RICH_HEADER, Lie, overview_frames, rich_frames, write_stream
 
 CRC_SIZE: Final = 4
@@ -37,6 +43,8 @@ class Broken:
         How many frames precede the fault.
     also
         Rules that it breaks as well, but that are checked later.
+    twin
+        Whether profile `paper` has the same fault, whose vector has the name without `main_`.
     """
 
     rule: str
@@ -47,11 +55,17 @@ class Broken:
     make: Callable[[], bytes]
     complete: int = 0
     also: tuple[str, ...] = ()
+    twin: bool = False
 
     @property
     def slug(self) -> str:
         """The rule in lower case with underscores, and what is wrong."""
-        return f"{self.rule.lower().replace('-', '_').replace('.', '_')}_{self.what}"
+        return f"{slug_of(self.rule)}_{'main_' * self.twin}{self.what}"
+
+
+def slug_of(rule: str) -> str:
+    """A rule as slugs have it."""
+    return rule.lower().replace("-", "_").replace(".", "_")
 
 
 def each_of(
@@ -63,20 +77,91 @@ def each_of(
         yield Broken(rule, kind, what, lie, truth, partial(of, *lies), complete)
 
 
+@dataclass(frozen=True)
+class Sound:
+    """Sound streams of a profile, in which faults of the container are planted.
+
+    Attributes
+    ----------
+    header, frames
+        Those of the overview: one splat, frames I P R.
+    plain_frames
+        Frames I P R whose elements end where they say: a run of profile `main` ends with the payload.
+    header_of_three, three_frames
+        Those of a stream of two groups, frames I P I.
+    """
+
+    header: SequenceHeader
+    frames: Callable[[], Sequence[AnyCodes]]
+    plain_frames: Callable[[], Sequence[AnyCodes]]
+    header_of_three: SequenceHeader
+    three_frames: Callable[[], Sequence[AnyCodes]]
+
+    @property
+    def is_main(self) -> bool:
+        """Whether the profile is `main`."""
+        return self.header.profile == MAIN_PROFILE
+
+    def overview(self, *lies: Lie, index: bool = True, **header: Any) -> bytes:
+        """The overview stream with lies."""
+        return write_stream(replace(self.header, **header), self.frames(), index=index, lies=lies)
+
+    def plain(self, *lies: Lie, index: bool = True) -> bytes:
+        """A stream of the plain frames with lies."""
+        return write_stream(self.header, self.plain_frames(), index=index, lies=lies)
+
+    def three(self, *lies: Lie) -> bytes:
+        """The stream of two groups with its index; with lies."""
+        return write_stream(self.header_of_three, self.three_frames(), lies=lies)
+
+    def edited(self, edit: Callable[[Chunks], Chunks], *lies: Lie) -> bytes:
+        """The overview without index, with lies, after an operation on its chunks H I P R E."""
+        return operated(edit, self.overview(*lies, index=False))
+
+    def with_payload(self, number: int, edit: Callable[[bytes], bytes]) -> bytes:
+        """The plain stream without index, with another payload of one of its chunks H I P R E."""
+
+        def operation(chunks: Chunks) -> Chunks:
+            chunks[number] = chunks[number][0], edit(chunks[number][1])
+            return chunks
+
+        return operated(operation, self.plain(index=False))
+
+    def with_chunk(self, chunk_type: bytes, payload: bytes = b"") -> bytes:
+        """The overview without index, with one more chunk after its I-frame."""
+        return self.edited(lambda c: [*c[:2], (chunk_type, payload), *c[2:]])
+
+
+def _groups_of_paper() -> list[AnyCodes]:
+    """Frames I P I of one splat each, all with quantisers and codebooks of their own."""
+    intra = FrameCodes.intra_frame(intra_block(1))
+    return [intra, predicted([1]), intra]
+
+
+PAPER: Final = Sound(OVERVIEW_HEADER, overview_frames, overview_frames, HEADER, _groups_of_paper)
+
+SMALL_HEADER: Final = replace(MAIN_HEADER, width=16, height=12, max_lane_exponent=0)
+"""The header of profile `main` with the least that a frame takes."""
+
+
+def _small_frames(*plans: Plan) -> list[MainCodes]:
+    """Frames of profile `main` as planned."""
+    return codes_of(SMALL_HEADER, plans, Draws(15))
+
+
+MAIN: Final = Sound(
+    SMALL_HEADER, partial(_small_frames, Plan("I", 1), Plan("P"), Plan("R")),
+    partial(_small_frames, Plan("I"), Plan("P"), Plan("R")),
+    SMALL_HEADER, partial(_small_frames, Plan("I", 1), Plan("P"), Plan("I", 1)),
+)  # fmt: skip
+
+overview = PAPER.overview
+three = PAPER.three
+
+
 def rich(*lies: Lie, **header: Any) -> bytes:
     """The rich stream with lies: 60 splats, frames I P R I P, an index, checksums."""
     return write_stream(replace(RICH_HEADER, **header), rich_frames(), lies=lies)
-
-
-def overview(*lies: Lie, index: bool = True, **header: Any) -> bytes:
-    """The overview stream with lies: one splat, frames I P R."""
-    return write_stream(replace(OVERVIEW_HEADER, **header), overview_frames(), index=index, lies=lies)
-
-
-def three(*lies: Lie) -> bytes:
-    """Frames I P I of one splat each, all with quantisers and codebooks of their own, and an index; with lies."""
-    intra = FrameCodes.intra_frame(intra_block(1))
-    return write_stream(HEADER, [intra, predicted([1]), intra], lies=lies)
 
 
 def four(*lies: Lie) -> bytes:
@@ -89,21 +174,6 @@ def with_an_empty_frame(*lies: Lie) -> bytes:
     """Frames I I P: one splat, no splat, and one new splat with quantiser and codebooks of its own; with lies."""
     frames = [FrameCodes.intra_frame(intra_block(1)), FrameCodes.intra_frame(None), predicted([], None, intra_block(1))]
     return write_stream(HEADER, frames, lies=lies)
-
-
-def with_payload(number: int, edit: Callable[[bytes], bytes]) -> bytes:
-    """The overview stream without index, chunks H I P R E, with another payload of one chunk."""
-
-    def operation(chunks: Chunks) -> Chunks:
-        chunks[number] = chunks[number][0], edit(chunks[number][1])
-        return chunks
-
-    return operated(operation)
-
-
-def with_chunk(chunk_type: bytes, payload: bytes = b"") -> bytes:
-    """The overview stream without index, with one more chunk after its I-frame."""
-    return operated(lambda c: [*c[:2], (chunk_type, payload), *c[2:]])
 
 
 def end_of(frame_count: int, index: bytes | None = None) -> tuple[bytes, bytes]:

@@ -4,20 +4,22 @@ The tables of faults are in `faulty_container`, `faulty_numbers`, `faulty_payloa
 `faulty_versions`, `faulty_order`, `faulty_main` and `pace`.
 """
 
+from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 from gsvc_conformance.case import Fault, Inputs, add
 from gsvc_conformance.cases.building import result
-from gsvc_conformance.cases.faults import Broken
+from gsvc_conformance.cases import pace
+from gsvc_conformance.cases.faults import MAIN, Broken
 from gsvc_conformance.cases.faulty_blocks import block_faults
-from gsvc_conformance.cases.faulty_container import container_faults, truncations
+from gsvc_conformance.cases.faulty_container import container_faults, profile_faults, truncations
 from gsvc_conformance.cases.faulty_limits import limit_faults
 from gsvc_conformance.cases.faulty_main import main_faults
-from gsvc_conformance.cases.faulty_numbers import number_faults
-from gsvc_conformance.cases.faulty_order import order_faults
+from gsvc_conformance.cases.faulty_numbers import number_faults, number_forms
+from gsvc_conformance.cases.faulty_order import container_orders, order_faults
 from gsvc_conformance.cases.faulty_payload import payload_faults
-from gsvc_conformance.cases.faulty_versions import version_faults
-from gsvc_conformance.cases.pace import pace_faults
+from gsvc_conformance.cases.faulty_versions import later_faults, version_faults
 
 FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "limit", "R-5-7": "limit",
                 "R-5-8": "limit", "R-6.4-1": "prediction", "R-6.5-4": "kept", "R-6.6-3": "table", "R-6.6-4": "table",
@@ -43,8 +45,19 @@ def faults() -> list[Broken]:
     """All faulty streams."""
     return [
         *container_faults(), *number_faults(), *payload_faults(), *block_faults(), *limit_faults(),
-        *pace_faults(), *version_faults(), *order_faults(), *truncations(), *main_faults(),
+        *pace.pace_faults(pace.PAPER), *version_faults(), *order_faults(), *truncations(), *main_faults(),
+        *(replace(fault, twin=True) for fault in _twins()),
     ]  # fmt: skip
+
+
+def _twins() -> Iterator[Broken]:
+    """Faults of profile `paper` that streams of `main` can have, too."""
+    yield from profile_faults(MAIN)
+    yield from number_forms(MAIN)
+    yield from pace.pace_faults(pace.MAIN)
+    yield from later_faults(MAIN)
+    yield from container_orders(MAIN)
+    yield from truncations(MAIN)
 
 
 for entry in faults():
@@ -52,7 +65,7 @@ for entry in faults():
         "faulty",
         "reconstruct_stream",
         entry.slug,
-        title=f"{entry.rule} is broken: {entry.lie}.",
+        title=f"{entry.rule} is broken{' in profile `main`' * entry.twin}: {entry.lie}.",
         reason="" if entry.complete == 0 else f"Frames before the fault: {entry.complete}.",
         rules=[entry.rule, *entry.also, *(["R-3.1-6"] if entry.slug in NO_ROOM else [])],
         flags=(["check-order"] if entry.also else []) + ([FLAGS[entry.rule]] if entry.rule in FLAGS else []),

@@ -7,55 +7,65 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.cases.building import BOOKS, HEADER, intra_block
-from gsvc_conformance.cases.faults import Broken, colored, each_of, overview, rich, value_of
+from gsvc_conformance.cases.faults import CRC_SIZE, MAIN, PAPER, Broken, Sound, colored, each_of, overview, rich, value_of
 from gsvc_ref.bitstream import crc32c
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.paper import FrameCodes
-from gsvc_ref.testing import Lie, write_stream
+from gsvc_ref.testing import Lie, split_chunks, write_stream
 
-FIRST_OFFSET: Final = 52
-"""Where the first chunk after the header begins in the overview, in bytes."""
-
-NUMBERS: Final = (
-    ("splat_count", 0, 1, 0), ("new_splat_count", 0, 0, 1), ("frame_number", 1, 1, 1), ("chunk_length", 1, 48, 0),
-    ("entry_count", 0, 1, 3), ("frame_number_step", 0, 0, 3),
-)  # fmt: skip
-"""Elements `uv` of the overview: which one of its name, its value, and how many frames precede it."""
+CONTAINER: Final = (("frame_number", 1, 1, 1), ("entry_count", 0, 1, 3), ("frame_number_step", 0, 0, 3))
+"""Elements `uv` of any overview: which one of its name, its value, and how many frames precede it."""
+COUNTS: Final = {"paper": (("splat_count", 0, 1, 0), ("new_splat_count", 0, 0, 1)), "main": (("splat_number", 0, 1, 0),)}
+"""Elements `uv` of the overview of a profile."""
 
 
 def number_faults() -> Iterator[Broken]:
-    """All of them."""
-    yield from _forms()
+    """All of profile `paper`."""
+    yield from number_forms(PAPER)
+    yield from _words()
     yield from _descriptors()
 
 
-def _forms() -> Iterator[Broken]:
+def number_forms(of: Sound) -> Iterator[Broken]:
     """A `uv` in too many bytes, or beyond 32 bits where a decoder of 32 bits sees the truth."""
-    for element, number, truth, complete in NUMBERS:
+    _, (_, intra), *_ = split_chunks(of.overview(index=False))
+    first = _first_offset(of)
+    for element, number, truth, complete in (
+        *COUNTS["main" if of is MAIN else "paper"], ("chunk_length", 1, len(intra), 0), *CONTAINER,
+    ):  # fmt: skip
         forms = {"longer_than_needed": _longer(truth), "plus_two_to_the_32": encode_uv(truth + 2**32)}
-        if element in ("splat_count", "chunk_length"):
+        if element in ("splat_count", "splat_number", "chunk_length"):
             forms |= {"two_to_the_32": encode_uv(2**32), "six_bytes": b"\x80" * 5 + b"\0"}
         for what, form in forms.items():
-            said = form + encode_uv(FIRST_OFFSET) if element == "frame_number_step" else form
-            make = (
-                partial(_length, form) if element == "chunk_length" else partial(overview, Lie(element, said, number))
-            )
+            said = form + encode_uv(first) if element == "frame_number_step" else form
+            make = partial(_length, of, form) if element == "chunk_length" else partial(of.overview,
+                                                                                        Lie(element, said, number))
             yield Broken("R-3.1-1", "malformed", f"{element}_{what}", f"{element} is written as {form.hex(' ')}",
                          "it has the fewest bytes and is below 2^32", make, complete)  # fmt: skip
     yield Broken("R-3.1-1", "malformed", "offset_step_plus_two_to_the_32",
-                 f"offset_step is written as {encode_uv(FIRST_OFFSET + 2**32).hex(' ')}", "it is below 2^32",
-                 partial(overview, Lie("frame_number_step", b"\0" + encode_uv(FIRST_OFFSET + 2**32))), 3)  # fmt: skip
+                 f"offset_step is written as {encode_uv(first + 2**32).hex(' ')}", "it is below 2^32",
+                 partial(of.overview, Lie("frame_number_step", b"\0" + encode_uv(first + 2**32))), 3)  # fmt: skip
+
+
+def _first_offset(of: Sound) -> int:
+    """Where the first chunk after the header begins in an overview, in bytes."""
+    return PREFIX_SIZE + 1 + 1 + len(split_chunks(of.overview())[0][1]) + CRC_SIZE
+
+
+def _words() -> Iterator[Broken]:
     words = int(value_of(rich(), "word_count"))
     yield Broken("R-3.1-1", "malformed", "word_count_plus_two_to_the_32", f"word_count is {words} + 2^32",
                  "it is below 2^32", lambda: rich(Lie("word_count", encode_uv(words + 2**32))))  # fmt: skip
 
 
-def _length(form: bytes) -> bytes:
+def _length(of: Sound, form: bytes) -> bytes:
     """The overview, the length of whose I-frame is written in another way; its checksum covers these bytes."""
-    data = overview(index=False)
-    body = data[FIRST_OFFSET : FIRST_OFFSET + 50]
-    said = body[:1] + form + body[2:]
-    return data[:FIRST_OFFSET] + said + crc32c(said).to_bytes(4, "little") + data[FIRST_OFFSET + 54 :]
+    data, first = of.overview(index=False), _first_offset(of)
+    _, (letter, payload), *_ = split_chunks(data)
+    said = letter + form + payload
+    behind = first + 1 + 1 + len(payload) + CRC_SIZE
+    return data[:first] + said + crc32c(said).to_bytes(CRC_SIZE, "little") + data[behind:]
 
 
 def _longer(value: int) -> bytes:

@@ -5,18 +5,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Final
 
-from gsvc_conformance.cases.building import BOOKS, HEADER, intra_block, operated, overview_bytes
-from gsvc_conformance.cases.faults import (
-    Broken,
-    count_unknown,
-    end_of,
-    flat,
-    overview,
-    rich,
-    room_behind,
-    with_chunk,
-    with_payload,
-)
+from gsvc_conformance.cases.building import BOOKS, HEADER, intra_block, operated
+from gsvc_conformance.cases.faults import PAPER, Broken, Sound, count_unknown, end_of, flat, overview, rich, room_behind
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.testing import RICH_HEADER, Lie, rich_frames, write_stream
@@ -28,13 +18,20 @@ CRC: Final = Lie("chunk_crc", lambda crc: crc ^ 1)
 
 
 def order_faults() -> Iterator[Broken]:
-    """All of them."""
-    yield from _chunks()
-    yield from _headers()
+    """All of profile `paper`, and those of streams whose profile cannot be read."""
+    yield _first("R-6.1-1", "R-6.1-2", "malformed", "version", "the magic number and the version are others",
+                 lambda: overview(Lie("magic", b"GSVC\r\n\x1a\n"), Lie("version_major", 2)))  # fmt: skip
+    yield from container_orders(PAPER)
     yield from _frames()
     yield from _covered()
     yield from _planes()
-    yield from _ends()
+
+
+def container_orders(of: Sound) -> Iterator[Broken]:
+    """Those that a stream of any profile can have."""
+    yield from _chunks(of)
+    yield from _headers(of)
+    yield from _ends(of)
 
 
 def _first(rule: str, other: str, kind: str, what: str, lie: str, make: Make, complete: int = 0) -> Broken:
@@ -42,9 +39,9 @@ def _first(rule: str, other: str, kind: str, what: str, lie: str, make: Make, co
     return Broken(rule, kind, f"before_{what}", lie, "the first of two faults counts", make, complete, (other,))
 
 
-def _chunks() -> Iterator[Broken]:
+def _chunks(of: Sound) -> Iterator[Broken]:
     def ending(tail: bytes) -> Make:
-        return lambda: overview_bytes()[:-END_SIZE] + tail
+        return lambda: of.overview(index=False)[:-END_SIZE] + tail
 
     def wrong_crc(chunk_type: bytes, payload: bytes = b"") -> Make:
         return ending(chunk_type + encode_uv(len(payload)) + payload + bytes(4))
@@ -63,28 +60,27 @@ def _chunks() -> Iterator[Broken]:
     yield _first("R-6.2-2", "R-6.1-3", "malformed", "second_header", "a second header, its checksum wrong",
                  wrong_crc(b"H", bytes(9)), 3)  # fmt: skip
     yield _first("R-6.2-2", "R-6.3-1", "malformed", "elements", "width is 0 and the header's checksum wrong",
-                 lambda: overview(Lie("width", 0), CRC))  # fmt: skip
+                 lambda: of.overview(Lie("width", 0), CRC))  # fmt: skip
     yield _first("R-6.1-3", "R-6.3-1", "invalid", "elements", "a second header, with a width of 0",
-                 partial(with_chunk, b"H", bytes(9)), 1)  # fmt: skip
+                 partial(of.with_chunk, b"H", bytes(9)), 1)  # fmt: skip
     yield _first("R-6.1-5", "R-6.8-1", "invalid", "frame_count", "there is no frame, and the end chunk says 3",
-                 lambda: operated(lambda c: [(b"H", count_unknown(c[0][1])), end_of(3)]))  # fmt: skip
+                 lambda: of.edited(lambda c: [(b"H", count_unknown(c[0][1])), end_of(3)]))  # fmt: skip
     yield _first("R-6.4-2", "R-6.4-1", "invalid", "frame_number", "the first frame is an R-frame of number 5",
-                 lambda: operated(lambda c: [c[0], (b"R", b"\5"), end_of(1)]))  # fmt: skip
+                 lambda: of.edited(lambda c: [c[0], (b"R", b"\5"), end_of(1)]))  # fmt: skip
 
 
-def _headers() -> Iterator[Broken]:
-    magic = Lie("magic", b"GSVC\r\n\x1a\n")
-    yield _first("R-6.1-1", "R-6.1-2", "malformed", "version", "the magic number and the version are others",
-                 lambda: overview(magic, Lie("version_major", 2)))  # fmt: skip
+def _headers(of: Sound) -> Iterator[Broken]:
     yield _first("R-6.1-2", "R-6.2-2", "unsupported", "first_chunk", "the version is 2, the header's checksum is wrong",
-                 lambda: overview(Lie("version_major", 2), CRC))  # fmt: skip
+                 lambda: of.overview(Lie("version_major", 2), CRC))  # fmt: skip
     yield _first("R-3.2-1", "R-6.3-1", "unsupported", "width", "level is 6 and width 0",
-                 lambda: overview(Lie("level", 6), Lie("width", 0)))  # fmt: skip
+                 lambda: of.overview(Lie("level", 6), Lie("width", 0)))  # fmt: skip
     large = Lie("width", 65535), Lie("height", 65535)
     yield _first("R-5-1", "R-6.3-1", "limit", "frame_rate", "65535x65535 pixels, and a frame rate of 0",
-                 lambda: overview(*large, Lie("frame_rate_numerator", 0)))  # fmt: skip
-    yield _first("R-6.3-1", "R-6.2-3", "invalid", "length", "lane_count is 0, and a byte follows it",
-                 lambda: overview(Lie("lane_count", b"\0\0")))  # fmt: skip
+                 lambda: of.overview(*large, Lie("frame_rate_numerator", 0)))  # fmt: skip
+    said = int(of.is_main)
+    last, rule, kind = ("main_tools", "R-3.2-1", "unsupported") if of.is_main else ("lane_count", "R-6.3-1", "invalid")
+    yield _first(rule, "R-6.2-3", kind, "length", f"{last} is {said}, and a byte follows it",
+                 lambda: of.overview(Lie(last, bytes([said, 0]))))  # fmt: skip
 
 
 def _frames() -> Iterator[Broken]:
@@ -198,24 +194,24 @@ def _cut_behind_a_symbol() -> bytes:
     return operated(lambda c: [c[0], (c[1][0], c[1][1][:-1]), c[2]], data)
 
 
-def _ends() -> Iterator[Broken]:
+def _ends(of: Sound) -> Iterator[Broken]:
     counts = (Lie("frame_count", 2), Lie("frame_count", 4, 1))
     yield _first("R-6.8-1", "R-6.3-2", "invalid", "header", "header and end chunk say 2 and 4 frames; there are 3",
-                 lambda: overview(*counts), 3)  # fmt: skip
+                 lambda: of.overview(*counts), 3)  # fmt: skip
     yield _first("R-6.3-2", "R-6.8-2", "invalid", "index_length", "the header says 4 frames, index_length is 1",
-                 lambda: overview(Lie("frame_count", 4), Lie("index_length", 1)), 3)  # fmt: skip
+                 lambda: of.overview(Lie("frame_count", 4), Lie("index_length", 1)), 3)  # fmt: skip
     yield Broken("R-6.8-1", "invalid", "before_filled", "both counts are 9, the end chunk is a byte too long",
                  "the first of two faults counts",
-                 _longer_end, 3, ("R-6.2-3",))  # fmt: skip
+                 partial(_longer_end, of), 3, ("R-6.2-3",))  # fmt: skip
     yield _first("R-6.8-2", "R-6.1-4", "invalid", "what_follows", "index_length is 1, and a byte follows",
-                 lambda: overview(Lie("index_length", 1)) + b"\0", 3)  # fmt: skip
+                 lambda: of.overview(Lie("index_length", 1)) + b"\0", 3)  # fmt: skip
     yield _first("R-6.2-3", "R-6.1-4", "malformed", "what_follows", "a byte is left over in the end chunk, one follows",
-                 lambda: with_payload(4, lambda p: p + b"\0") + b"\0", 3)  # fmt: skip
+                 lambda: of.with_payload(4, lambda p: p + b"\0") + b"\0", 3)  # fmt: skip
 
 
-def _longer_end() -> bytes:
-    data = overview(Lie("frame_count", 9), Lie("frame_count", 9, 1), index=False)
-    return operated(lambda c: [*c[:-1], (b"E", c[-1][1] + b"\0")], data)
+def _longer_end(of: Sound) -> bytes:
+    lies = Lie("frame_count", 9), Lie("frame_count", 9, 1)
+    return of.edited(lambda c: [*c[:-1], (b"E", c[-1][1] + b"\0")], *lies)
 
 
 def _states_that_do_not_fit() -> bytes:

@@ -1,7 +1,7 @@
 """Cases of paced streams: the limits of a second, and the distance of I-frames (spec.md section 5)."""
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -9,11 +9,14 @@ from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import HEADER, Chunks, on, operated, predicted, result
 from gsvc_conformance.cases.container import UUID, equal_splats
-from gsvc_conformance.cases.faults import CRC_SIZE, Broken
-from gsvc_ref.bitstream import LEVELS
+from gsvc_conformance.cases.faults import CRC_SIZE, SMALL_HEADER, Broken
+from gsvc_conformance.cases.main_streams import READ, crowd
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.header import PER_SECOND
-from gsvc_ref.paper import FrameCodes, SplatBlock
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.paper import FrameCodes
+from gsvc_ref.stream.profiles import AnyCodes
 from gsvc_ref.testing import Lie, write_stream
 
 STREAM: Final = ("read_stream", "reconstruct_stream")
@@ -21,8 +24,6 @@ LEVEL: Final = LEVELS[1]
 BYTES: Final = PER_SECOND.payload * LEVEL.payload
 """Bytes of a second at level 1."""
 
-EMPTY: Final = FrameCodes.intra_frame(None)
-REPEATED: Final = FrameCodes.repeated_frame()
 LARGEST: Final = {"width": 512, "height": 256}
 """As many pixels as level 1 allows."""
 
@@ -30,15 +31,73 @@ SIXTY_FIVE: Final = {"frame_rate_numerator": 129, "frame_rate_denominator": 2}
 """64.5 frames per second, so that a second has 65."""
 
 
-def paced(frames: list[FrameCodes], *lies: Lie, **header: Any) -> bytes:
-    """A stream that says that it is paced, whether it is or not, without an index."""
-    said = [Lie("flags", 2), *lies]
-    return write_stream(replace(HEADER, **header), frames, index=False, lies=said)
+@dataclass(frozen=True)
+class Frames:
+    """Frames of a profile for paced streams.
+
+    Attributes
+    ----------
+    header
+        The header of most streams.
+    empty
+        An I-frame without splats.
+    equal, covering
+        I-frames of a number of equal splats, small ones and such that cover all of `LARGEST`.
+    predicted
+        A P-frame with a splat, after an I-frame without any.
+    """
+
+    header: SequenceHeader
+    empty: AnyCodes
+    equal: Callable[[int], AnyCodes]
+    covering: Callable[[int], AnyCodes]
+    predicted: AnyCodes
+
+    def paced(self, frames: Sequence[AnyCodes], *lies: Lie, flags: int = 2, **header: Any) -> bytes:
+        """A stream that says that it is paced, whether it is or not, without an index."""
+        given = replace(self.header, parameter_checksum_flag=bool(flags & 1), **header)
+        return write_stream(given, frames, index=False, lies=[Lie("flags", flags), *lies])
+
+    def two_seconds(self) -> bytes:
+        """Frames I R in each of two seconds."""
+        return self.paced(group(self.equal(1), 2) * 2, frame_rate_numerator=2)
+
+    def heavy(self, count: int) -> list[AnyCodes]:
+        """`count` frames, each of as much work as level 1 allows at LARGEST."""
+        return group(self.covering(LEVEL.work // LEVEL.pixels), count)
 
 
-def repeated(block: SplatBlock | None, count: int) -> list[FrameCodes]:
-    """`count` equal frames, the first one an I-frame."""
-    return [FrameCodes.intra_frame(block), *[REPEATED] * (count - 1)]
+def group(intra: AnyCodes, count: int) -> list[AnyCodes]:
+    """`count` equal frames, of which `intra` is the first one."""
+    return [intra, *[type(intra).repeated_frame()] * (count - 1)]
+
+
+PAPER: Final = Frames(
+    HEADER,
+    FrameCodes.intra_frame(None),
+    lambda count: FrameCodes.intra_frame(equal_splats(count)),
+    lambda count: FrameCodes.intra_frame(equal_splats(count, 1e30)),
+    predicted([], None, equal_splats(1)),
+)
+MAIN: Final = Frames(
+    SMALL_HEADER,
+    MainCodes(type="I", quantizer=24),
+    lambda count: crowd(SMALL_HEADER, (32, 0), count),
+    lambda count: crowd(replace(SMALL_HEADER, **LARGEST), (32, 0), count),
+    replace(crowd(SMALL_HEADER, (32, 0), 1), type="P"),
+)
+
+paced = PAPER.paced
+
+
+def of_both(**about: Any) -> Callable[[Callable[..., Inputs]], Callable[..., Inputs]]:
+    """Register a function as a case of each profile."""
+
+    def register(function: Callable[..., Inputs]) -> Callable[..., Inputs]:
+        on("core", *STREAM, each={"": PAPER}, **about)(function)
+        return on("core", *READ, each={"main": MAIN}, **about)(function)
+
+    return register
 
 
 def padded(data: bytes, number: int, same_second: tuple[int, ...], total: int) -> bytes:
@@ -59,117 +118,112 @@ def _size(payload: bytes) -> int:
     return 1 + len(encode_uv(len(payload))) + len(payload) + CRC_SIZE
 
 
-def two_seconds() -> bytes:
-    """Frames I R in each of two seconds."""
-    return paced([*repeated(equal_splats(1), 2), *repeated(equal_splats(1), 2)], frame_rate_numerator=2)
+RATES: Final = {"one": {"frame_rate_numerator": 1}, "a_third": {"frame_rate_numerator": 1, "frame_rate_denominator": 3}}
+"""One frame a second and less."""
+RATES_IN_WORDS: Final = {"one": "One frame", "a_third": "A third of a frame"}
 
 
-def heavy(count: int) -> list[FrameCodes]:
-    """`count` frames, each of as much work as level 1 allows at LARGEST."""
-    return repeated(equal_splats(LEVEL.work // LEVEL.pixels, 1e30), count)
-
-
-@on("core", *STREAM, rules=["R-5-8"], each={"one": {"frame_rate_numerator": 1},
-                                            "a_third": {"frame_rate_numerator": 1, "frame_rate_denominator": 3}},
-    flags=["limit"], said={"one": "One frame", "a_third": "A third of a frame"})  # fmt: skip
-def i_frames_as_far_apart_as_allowed(value: dict[str, int]) -> Inputs:
+@on("core", *STREAM, rules=["R-5-8"], each={key: (PAPER, rate) for key, rate in RATES.items()},
+    flags=["limit"], said=RATES_IN_WORDS)  # fmt: skip
+@on("core", *READ, rules=["R-5-8"], each={f"main_{key}": (MAIN, rate) for key, rate in RATES.items()},
+    flags=["limit"], said={f"main_{key}": words for key, words in RATES_IN_WORDS.items()})  # fmt: skip
+def i_frames_as_far_apart_as_allowed(value: tuple[Frames, dict[str, int]]) -> Inputs:
     """{key} a second, and every fourth frame, or an earlier one, is an I-frame: the most that a paced stream allows."""
-    frames = [EMPTY, *[REPEATED] * 3, EMPTY, REPEATED, EMPTY, *[REPEATED] * 3, EMPTY]
-    data = paced(frames, **value)
+    of, rate = value
+    data = of.paced([*group(of.empty, 4), *group(of.empty, 2), *group(of.empty, 4), of.empty], **rate)
     expected = yield {"stream": data}
     assert len(result(expected, "counts")) == 11
     if "header" in expected:
         assert result(expected, "header")[2] == 2
 
 
-@on("core", *STREAM, flags=["limit"], rules=["R-5-8"])
-def i_frames_of_a_broken_rate() -> Inputs:
+@of_both(flags=["limit"], rules=["R-5-8"])
+def i_frames_of_a_broken_rate(value: Frames) -> Inputs:
     """Five fourths of a frame a second: a second has two frames, and an I-frame comes every eighth."""
-    frames = [EMPTY, *[REPEATED] * 7, EMPTY]
-    data = paced(frames, frame_rate_numerator=5, frame_rate_denominator=4)
+    data = value.paced([*group(value.empty, 8), value.empty], frame_rate_numerator=5, frame_rate_denominator=4)
     expected = yield {"stream": data}
     assert len(result(expected, "counts")) == 9
 
 
-@on("core", *STREAM, flags=["limit"], rules=["R-5-7"])
-def as_many_pixels_of_a_second_as_allowed() -> Inputs:
+@of_both(flags=["limit"], rules=["R-5-7"])
+def as_many_pixels_of_a_second_as_allowed(value: Frames) -> Inputs:
     """64 of the largest frames in each of three seconds."""
-    data = paced([*repeated(None, 192)], **LARGEST, frame_rate_numerator=64)
+    data = value.paced(group(value.empty, 192), **LARGEST, frame_rate_numerator=64)
     expected = yield {"stream": data}
     assert len(result(expected, "counts")) == 192
 
 
-@case("core", "read_stream", flags=["limit", "many"], rules=["R-5-7"])
-def as_many_splats_of_a_second_as_allowed() -> Inputs:
+@case("core", "read_stream", flags=["limit", "many"], rules=["R-5-7"], each={"": PAPER})
+@case("core", "reconstruct_stream", flags=["limit", "many"], rules=["R-5-7"], each={"main": MAIN})
+def as_many_splats_of_a_second_as_allowed(value: Frames) -> Inputs:
     """64 frames of as many splats as a frame may have in a second, and then four fewer."""
-    frames = [*repeated(equal_splats(LEVEL.splats), 64), *repeated(equal_splats(LEVEL.splats), 60)]
-    data = paced(frames, frame_rate_numerator=64)
-    expected = yield {"stream": data}
+    most = value.equal(LEVEL.splats)
+    expected = yield {"stream": value.paced([*group(most, 64), *group(most, 60)], frame_rate_numerator=64)}
     assert result(expected, "counts")[:64].sum() == PER_SECOND.splats * LEVEL.splats
 
 
-@on("core", *STREAM, flags=["limit", "overflow"], rules=["R-5-7"])
-def as_much_work_of_a_second_as_allowed() -> Inputs:
+@of_both(flags=["limit", "overflow"], rules=["R-5-7"])
+def as_much_work_of_a_second_as_allowed(value: Frames) -> Inputs:
     """8 frames of the most work at the end of a second, and 8 at the start of the next; an R-frame has work, too."""
-    frames = [*repeated(None, 2), *heavy(16), *repeated(None, 2)]
-    expected = yield {"stream": paced(frames, **LARGEST, frame_rate_numerator=10)}
+    frames = [*group(value.empty, 2), *value.heavy(16), *group(value.empty, 2)]
+    expected = yield {"stream": value.paced(frames, **LARGEST, frame_rate_numerator=10)}
     assert len(result(expected, "counts")) == 20
 
 
-@case("core", "reconstruct_stream", flags=["limit", CAPACITY], rules=["R-5-7"])
-def as_many_bytes_of_a_second_as_allowed() -> Inputs:
+@case("core", "reconstruct_stream", flags=["limit", CAPACITY], rules=["R-5-7"], each={"": PAPER, "main": MAIN})
+def as_many_bytes_of_a_second_as_allowed(value: Frames) -> Inputs:
     """The second second has 2^20 bytes with the ancillary chunk before it; one after the last frame is not counted."""
-    data = padded(two_seconds(), 2, (2, 3), BYTES)
+    data = padded(value.two_seconds(), 2, (2, 3), BYTES)
     expected = yield {"stream": operated(lambda c: [*c[:-1], (b"q", UUID), c[-1]], data)}
     assert len(result(expected, "counts")) == 4
 
 
-@on("core", *STREAM, flags=["limit"], rules=["R-5-7", "R-5-8"])
-def paced_with_checksums() -> Inputs:
+@of_both(flags=["limit"], rules=["R-5-7", "R-5-8"])
+def paced_with_checksums(value: Frames) -> Inputs:
     """Both flags are 1."""
-    header = replace(HEADER, parameter_checksum_flag=True, paced_flag=True)
-    expected = yield {"stream": write_stream(header, repeated(equal_splats(2), 3))}
+    expected = yield {"stream": value.paced(group(value.equal(2), 3), flags=3)}
     if "header" in expected:
         assert result(expected, "header")[2] == 3
 
 
-def pace_faults() -> Iterator[Broken]:
-    """Paced streams that break a limit of a second, or the distance of I-frames."""
-    yield from _sums()
-    four = [EMPTY, *[REPEATED] * 3]
+def pace_faults(of: Frames) -> Iterator[Broken]:
+    """Paced streams of a profile that break a limit of a second, or the distance of I-frames."""
+    yield from _sums(of)
+    four, late = group(of.empty, 4), type(of.empty).repeated_frame()
     rate: dict[str, int] = {"frame_rate_numerator": 1}
-    faults: dict[str, tuple[list[FrameCodes], dict[str, int]]] = {
-        "fifth_frame": ([*four, REPEATED], rate),
-        "fifth_frame_of_a_third": ([*four, REPEATED], {**rate, "frame_rate_denominator": 3}),
-        "behind_the_second_i_frame": ([EMPTY, REPEATED, *four, REPEATED], rate),
-        "p_frame": ([*four, predicted([], None, equal_splats(1))], rate),
-        "ninth_frame": (repeated(None, 9), {"frame_rate_numerator": 5, "frame_rate_denominator": 4}),
+    faults: dict[str, tuple[list[AnyCodes], dict[str, int]]] = {
+        "fifth_frame": ([*four, late], rate),
+        "fifth_frame_of_a_third": ([*four, late], {**rate, "frame_rate_denominator": 3}),
+        "behind_the_second_i_frame": ([*group(of.empty, 2), *four, late], rate),
+        "p_frame": ([*four, of.predicted], rate),
+        "ninth_frame": (group(of.empty, 9), {"frame_rate_numerator": 5, "frame_rate_denominator": 4}),
     }
     for what, (frames, header) in faults.items():
         yield Broken("R-5-8", "limit", what, "an I-frame is due in a paced stream, and another frame comes",
-                     "one comes at least every four seconds", partial(paced, frames, **header),
+                     "one comes at least every four seconds", partial(of.paced, frames, **header),
                      len(frames) - 1)  # fmt: skip
     yield Broken("R-6.4-3", "invalid", "before_i_frame_distance", "the checksum is wrong, and an I-frame is due",
-                 "the first of two faults counts", _wrong_and_late, 4, ("R-5-8",))  # fmt: skip
+                 "the first of two faults counts", partial(_wrong_and_late, of), 4, ("R-5-8",))  # fmt: skip
 
 
-def _sums() -> Iterator[Broken]:
+def _sums(of: Frames) -> Iterator[Broken]:
     most = "level 1 allows 64 times those of a frame"
+    many = group(of.empty, 66)
     yield Broken("R-5-7", "limit", "pixels", "65 frames of 512x256 pixels stand in a second", most,
-                 partial(paced, repeated(None, 66), **LARGEST, frame_rate_numerator=65), 64)  # fmt: skip
+                 partial(of.paced, many, **LARGEST, frame_rate_numerator=65), 64)  # fmt: skip
     yield Broken("R-5-7", "limit", "pixels_at_a_broken_rate", "at 64.5 frames per second, 65 stand in a second", most,
-                 partial(paced, repeated(None, 66), **LARGEST, **SIXTY_FIVE), 64)  # fmt: skip
+                 partial(of.paced, many, **LARGEST, **SIXTY_FIVE), 64)  # fmt: skip
     yield Broken("R-5-7", "limit", "splats", f"65 frames of {LEVEL.splats} splats stand in a second", most,
-                 partial(paced, repeated(equal_splats(LEVEL.splats), 65), frame_rate_numerator=65), 64)  # fmt: skip
+                 lambda: of.paced(group(of.equal(LEVEL.splats), 65), frame_rate_numerator=65), 64)  # fmt: skip
     yield Broken("R-5-7", "limit", "work", "9 frames of a second take 2^25 pairs each",
                  "level 1 allows 8 times those of a frame",
-                 partial(paced, [*repeated(None, 10), *heavy(10)], **LARGEST, frame_rate_numerator=10), 18)  # fmt: skip
+                 lambda: of.paced([*group(of.empty, 10), *of.heavy(10)], **LARGEST, frame_rate_numerator=10),
+                 18)  # fmt: skip
     yield Broken("R-5-7", "limit", "bytes", "a second has 2^20 + 1 bytes", "level 1 allows 2^20",
-                 lambda: padded(two_seconds(), 0, (0, 1), BYTES + 1), 1)  # fmt: skip
+                 lambda: padded(of.two_seconds(), 0, (0, 1), BYTES + 1), 1)  # fmt: skip
 
 
-def _wrong_and_late() -> bytes:
+def _wrong_and_late(of: Frames) -> bytes:
     """Frames I R R R R, the last one with another checksum."""
-    header = replace(HEADER, parameter_checksum_flag=True, frame_rate_numerator=1)
-    lies = [Lie("flags", 3), Lie("parameter_checksum", 0xDEADBEEF, 4)]
-    return write_stream(header, repeated(None, 5), index=False, lies=lies)
+    wrong = Lie("parameter_checksum", 0xDEADBEEF, 4)
+    return of.paced(group(of.empty, 5), wrong, flags=3, frame_rate_numerator=1)
