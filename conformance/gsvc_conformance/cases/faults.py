@@ -44,7 +44,7 @@ class Broken:
     also
         Rules that it breaks as well, but that are checked later.
     twin
-        Whether profile `paper` has the same fault, whose vector has the name without `main_`.
+        Whether profile `paper` has such a fault, too, so that the slug says that this one is of `main`.
     """
 
     rule: str

@@ -14,7 +14,7 @@ from gsvc_conformance.cases import pace
 from gsvc_conformance.cases.faults import MAIN, Broken
 from gsvc_conformance.cases.faulty_blocks import block_faults
 from gsvc_conformance.cases.faulty_container import container_faults, profile_faults, truncations
-from gsvc_conformance.cases.faulty_limits import limit_faults
+from gsvc_conformance.cases.faulty_limits import limit_faults, main_limits
 from gsvc_conformance.cases.faulty_main import main_faults
 from gsvc_conformance.cases.faulty_numbers import number_faults, number_forms
 from gsvc_conformance.cases.faulty_order import container_orders, order_faults
@@ -26,7 +26,7 @@ FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "
                 "R-6.7-1": "index", "R-6.8-2": "index", "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
 """The flag of faults of a rule."""
 
-NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_3_17_zeros", "r_6_2_3_before_codewords",
+NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_1_main_splat_number_six_bytes", "r_3_1_3_17_zeros", "r_6_2_3_before_codewords",
                   "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
 """Faults that are found before the value of an element or of a run is looked at (R-3.1-6)."""
 
@@ -54,6 +54,7 @@ def _twins() -> Iterator[Broken]:
     """Faults of profile `paper` that streams of `main` can have, too."""
     yield from profile_faults(MAIN)
     yield from number_forms(MAIN)
+    yield from main_limits()
     yield from pace.pace_faults(pace.MAIN)
     yield from later_faults(MAIN)
     yield from container_orders(MAIN)

@@ -1,4 +1,4 @@
-"""Faults of limits: splats and rendering work of a frame beyond those of the level."""
+"""Faults of limits: splats and rendering work of a frame beyond those of the level; in profile `main` of every level."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -7,10 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from gsvc_conformance.cases.building import predicted, quantizer_of
+from gsvc_conformance.cases.building import operated, predicted, quantizer_of
 from gsvc_conformance.cases.container import equal_splats
-from gsvc_conformance.cases.faults import Broken, each_of, flat, overview
-from gsvc_ref.bitstream import LEVELS
+from gsvc_conformance.cases.faults import MAIN, SMALL_HEADER, Broken, each_of, flat, overview
+from gsvc_conformance.cases.main_streams import crowd
+from gsvc_ref.bitstream import LEVELS, SequenceHeader
+from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.header import LANE_EXPONENTS
+from gsvc_ref.main.codes import MainCodes
+from gsvc_ref.main.frames import frame_body
+from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.testing import OVERVIEW_HEADER, Lie, write_stream
 
@@ -93,3 +99,52 @@ def _one_pair_more() -> bytes:
     lies = [Lie("cholesky_scale", [1e30]), Lie("cholesky_scale", [1e30], 2)]
     header = replace(OVERVIEW_HEADER, width=256, height=256)
     return write_stream(header, [FrameCodes.intra_frame(block)], lies=lies)
+
+
+def main_limits() -> Iterator[Broken]:
+    """Those of streams of profile `main`."""
+    most = LEVELS[1].splats
+    yield from each_of("R-5-2", "limit", f"level 1 allows {most}",
+                     {"splats_of_2_to_the_31": ("splat_number says 2^31 splats", (Lie("splat_number", 2**32 - 1),))},
+                     MAIN.overview)  # fmt: skip
+    for level, limits in LEVELS.items():
+        allowed = partial("level {} allows {}".format, level)
+        side = int(limits.pixels**0.5)
+        if level in (2, 3, 4):
+            yield Broken("R-5-1", "limit", f"pixels_of_level_{level}", f"a frame has {side}x{side + 1} pixels",
+                         allowed(limits.pixels), partial(MAIN.overview, Lie("width", side), Lie("height", side + 1),
+                                                         level=level))  # fmt: skip
+        if level > 1:
+            yield Broken("R-5-2", "limit", f"splats_of_level_{level}", f"an I-frame has {limits.splats + 1} splats",
+                         allowed(limits.splats),
+                         partial(MAIN.overview, Lie("splat_number", 2 * limits.splats + 1), level=level))  # fmt: skip
+        if level in (2, 3):
+            lanes = LANE_EXPONENTS[level]
+            yield Broken("R-5-11", "limit", f"max_lane_exponent_{lanes + 1}", f"max_lane_exponent is {lanes + 1}",
+                         allowed(lanes), partial(MAIN.overview, Lie("max_lane_exponent", lanes + 1),
+                                                 level=level))  # fmt: skip
+        size = {"width": limits.pixels // 256, "height": 256} if level == 1 else {"width": side, "height": side}
+        yield Broken("R-5-4", "limit", f"work_of_level_{level}",
+                     f"257 splats cover {size['width']}x{size['height']} pixels each", allowed(limits.work),
+                     partial(_covered, replace(SMALL_HEADER, level=level, **size)))  # fmt: skip
+    yield Broken("R-5-4", "limit", "new_splats", "256 splats cover 512x256 pixels, and one more comes",
+                 "level 1 allows 2^25", partial(_covered, replace(SMALL_HEADER, width=512, height=256), 1),
+                 1)  # fmt: skip
+
+
+def _covered(header: SequenceHeader, later: int = 0) -> bytes:
+    """An I-frame of 257 splats that cover the frame, of which `later` ones come in a P-frame after it."""
+    state = MainState.initial(header.width, header.height)
+    intra = crowd(header, (33, 0), 257 - later)
+    frames = [(b"I", intra)]
+    if later:
+        still = np.zeros(257 - later, np.int64), np.zeros((257 - later, 8), np.int64)
+        new = crowd(header, (33, 0), later)
+        frames.append((b"P", replace(new, type="P", modes=still[0], differences=still[1])))
+    chunks = []
+    for number, (letter, codes) in enumerate(frames):
+        p = Writer()
+        state = frame_body(p, codes.type, state, header.max_lane_exponent, header.limits.splats, codes).after
+        chunks.append((letter, bytes([number]) + p.getvalue()))
+    empty = [MainCodes(type="I", quantizer=24)] * len(frames)
+    return operated(lambda c: [c[0], *chunks, c[-1]], write_stream(header, empty, index=False))

@@ -136,9 +136,40 @@ OF_LANES: Final[tuple[tuple[str, str, str, str, tuple[Plan, ...], Lie], ...]] = 
 )  # fmt: skip
 """Rule, slug, lie, truth, frames, and the lie as it is told of the first frame."""
 
+_MANY_SPLATS: Final = Lie("splat_number", 2 * 16384 + 1)
+ORDERS: Final[tuple[tuple[str, str, str, str, tuple[Lie, ...]], ...]] = (
+    ("R-5-11", "R-3.2-1", "layer_count", "max_lane_exponent is 7, and layer_count 0",
+     (Lie("max_lane_exponent", 7), Lie("layer_count", 0))),
+    ("R-6.3-1", "R-3.2-1", "main_tools", "max_lane_exponent is 13, and main_tools 1",
+     (Lie("max_lane_exponent", 13), Lie("main_tools", 1))),
+    ("R-6.4-1", "R-5-2", "splat_number", "frame_number is 7, and there are 16385 splats",
+     (Lie("frame_number", 7), _MANY_SPLATS)),
+    ("R-3.2-1", "R-15.5-2", "motion_cell", "lane_exponent is 13, and an I-frame has a motion field",
+     (Lie("lane_exponent", 13), Lie("motion_cell", 1))),
+    ("R-15.5-1", "R-3.2-1", "quantizer", "lane_exponent is 3, and quantizer 80",
+     (Lie("lane_exponent", 3), Lie("quantizer", 80))),
+    ("R-15.5-2", "R-3.2-1", "quantizer", "an I-frame has a motion field, and quantizer is 80",
+     (Lie("motion_cell", 1), Lie("quantizer", 80))),
+    ("R-3.2-1", "R-5-2", "splat_number", "quantizer is 80, and there are 16385 splats",
+     (Lie("quantizer", 80), _MANY_SPLATS)),
+    ("R-15.5-5", "R-5-2", "splat_number", "an I-frame has no quantizer, and 16385 splats",
+     (Lie("quantizer_present", 0), Lie("quantizer", ""), _MANY_SPLATS)),
+    ("R-3.1-4", "R-7-1", "words", "a bit after densities() is 1, and the last word is missing",
+     (Lie("align", 1), Lie("word", lambda words: words[:-1]))),
+    ("R-6.6-5", "R-7-1", "words", "lane states are 65535, and the last word is missing",
+     (Lie("lane_state", _lowest), Lie("word", lambda words: words[:-1]))),
+    ("R-7-1", "R-6.4-3", "checksum", "the last word is missing, and the checksum wrong",
+     (Lie("word", lambda words: words[:-1]), Lie("parameter_checksum", 0))),
+)  # fmt: skip
+"""Rule that is reported, rule that is not, the end of the slug, the lie, and the lies as they are told."""
+
 
 def main_faults() -> Iterator[Broken]:
     """All of them."""
+    for rule, other, what, lie, lies in ORDERS:
+        make = partial(streams, PLANS, *lies, parameter_checksum_flag=other == "R-6.4-3", width=70)
+        yield Broken(rule, kind_of(rule), f"main_before_{what}", lie, "the first of two faults counts", make, 0,
+                     (other,))  # fmt: skip
     yield Broken("R-5-4", "limit", "work_of_states", "1899 boxes of 139 x 128 pixels, 138 x 128 by the parameters",
                  "level 1 allows 2^25 pairs", _one_column_more)  # fmt: skip
     for rule, what, lie, truth, told, complete in ELEMENTS:
