@@ -12,8 +12,8 @@ from gsvc_base.draws import Draws
 from gsvc_conformance.cases.building import HEADER, Chunks, intra_block, operated, predicted, quantizer_of
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of
 from gsvc_ref.bitstream import SequenceHeader
-from gsvc_ref.bitstream.header import MAIN as MAIN_PROFILE
 from gsvc_ref.bitstream.coder import Element, encode_uv
+from gsvc_ref.bitstream.header import MAIN as MAIN_PROFILE
 from gsvc_ref.bitstream.rans import encode_plane
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.paper import FrameCodes, SplatBlock

@@ -9,8 +9,8 @@ from dataclasses import replace
 from typing import Final
 
 from gsvc_conformance.case import Fault, Inputs, add
-from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases import pace
+from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.faults import MAIN, Broken
 from gsvc_conformance.cases.faulty_blocks import block_faults
 from gsvc_conformance.cases.faulty_container import container_faults, profile_faults, truncations
@@ -26,8 +26,8 @@ FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "
                 "R-6.7-1": "index", "R-6.8-2": "index", "R-7-1": "lanes", "R-8-1": "overflow"}  # fmt: skip
 """The flag of faults of a rule."""
 
-NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_1_main_splat_number_six_bytes", "r_3_1_3_17_zeros", "r_6_2_3_before_codewords",
-                  "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
+NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_1_main_splat_number_six_bytes", "r_3_1_3_17_zeros",
+                  "r_6_2_3_before_codewords", "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
 """Faults that are found before the value of an element or of a run is looked at (R-3.1-6)."""
 
 

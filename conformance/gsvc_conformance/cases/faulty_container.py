@@ -232,9 +232,7 @@ def _contradicted(lie: Lie) -> bytes:
     element, said = lie.element, lie.value
     if element == "cholesky_bits":  # planes of so many bits, and no bits at all if 0
         codes = {channel: format(code, f"0{said}b") if said else "" for channel, code in CODES_OF_THE_OVERVIEW.items()}
-        return PAPER.overview(
-            lie, *(Lie(f"cholesky_code[{channel}].symbol", bits) for channel, bits in codes.items())
-        )
+        return PAPER.overview(lie, *(Lie(f"cholesky_code[{channel}].symbol", bits) for channel, bits in codes.items()))
     if element in ("color_stages", "color_codewords") and said == 0:  # no splat, no codebook
         return write_stream(OVERVIEW_HEADER, [FrameCodes.intra_frame(None)], lies=[lie])
     return PAPER.overview(lie)

@@ -1,4 +1,4 @@
-"""Faults of limits: splats and rendering work of a frame beyond those of the level; in profile `main` of every level."""
+"""Faults of limits: splats and rendering work of a frame beyond those of the level, in `main` of every one."""
 
 from collections.abc import Iterator
 from dataclasses import replace

@@ -7,7 +7,17 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.cases.building import BOOKS, HEADER, intra_block
-from gsvc_conformance.cases.faults import CRC_SIZE, MAIN, PAPER, Broken, Sound, colored, each_of, overview, rich, value_of
+from gsvc_conformance.cases.faults import (
+    CRC_SIZE,
+    PAPER,
+    Broken,
+    Sound,
+    colored,
+    each_of,
+    overview,
+    rich,
+    value_of,
+)
 from gsvc_ref.bitstream import crc32c
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
@@ -16,8 +26,11 @@ from gsvc_ref.testing import Lie, split_chunks, write_stream
 
 CONTAINER: Final = (("frame_number", 1, 1, 1), ("entry_count", 0, 1, 3), ("frame_number_step", 0, 0, 3))
 """Elements `uv` of any overview: which one of its name, its value, and how many frames precede it."""
-COUNTS: Final = {"paper": (("splat_count", 0, 1, 0), ("new_splat_count", 0, 0, 1)), "main": (("splat_number", 0, 1, 0),)}
-"""Elements `uv` of the overview of a profile."""
+COUNTS: Final = {
+    False: (("splat_count", 0, 1, 0), ("new_splat_count", 0, 0, 1)),
+    True: (("splat_number", 0, 1, 0),),
+}
+"""Elements `uv` of the overview of profile `paper`, and of `main`."""
 
 
 def number_faults() -> Iterator[Broken]:
@@ -32,15 +45,18 @@ def number_forms(of: Sound) -> Iterator[Broken]:
     _, (_, intra), *_ = split_chunks(of.overview(index=False))
     first = _first_offset(of)
     for element, number, truth, complete in (
-        *COUNTS["main" if of is MAIN else "paper"], ("chunk_length", 1, len(intra), 0), *CONTAINER,
+        *COUNTS[of.is_main], ("chunk_length", 1, len(intra), 0), *CONTAINER,
     ):  # fmt: skip
         forms = {"longer_than_needed": _longer(truth), "plus_two_to_the_32": encode_uv(truth + 2**32)}
         if element in ("splat_count", "splat_number", "chunk_length"):
             forms |= {"two_to_the_32": encode_uv(2**32), "six_bytes": b"\x80" * 5 + b"\0"}
         for what, form in forms.items():
             said = form + encode_uv(first) if element == "frame_number_step" else form
-            make = partial(_length, of, form) if element == "chunk_length" else partial(of.overview,
-                                                                                        Lie(element, said, number))
+            make = (
+                partial(_length, of, form)
+                if element == "chunk_length"
+                else partial(of.overview, Lie(element, said, number))
+            )
             yield Broken("R-3.1-1", "malformed", f"{element}_{what}", f"{element} is written as {form.hex(' ')}",
                          "it has the fewest bytes and is below 2^32", make, complete)  # fmt: skip
     yield Broken("R-3.1-1", "malformed", "offset_step_plus_two_to_the_32",
