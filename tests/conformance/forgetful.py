@@ -1,0 +1,215 @@
+"""Readers of profile `main` without a check: spec.md's code for that profile, whose refusals can be left out one by one."""
+
+import ast
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Final
+
+from gsvc_base.document import blocks
+from gsvc_conformance.spec import SLOW, SPEC, namespace
+
+OPERATIONS: Final = ("reconstruct_stream", "seek", "reconstruct_layers")
+"""The operations with an error, which the faulty vectors are of."""
+LIMITS: Final = "R-5-"
+"""What the rules begin with whose place R-5-9 takes at an operating point: of a stream without layers it is the same."""
+PATIENCE: Final = 10_000
+"""Refusals in one stream that a reader leaves out before it is taken for one that never ends."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check of the reader.
+
+    Attributes
+    ----------
+    line
+        Its line in spec.md.
+    function
+        The function that it is in.
+    rules
+        The rules by which a stream is refused there.
+    """
+
+    line: int
+    function: str
+    rules: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return f"{self.function}-{self.line}"
+
+
+class _OfMain(ast.NodeTransformer):
+    """Leaves out what profile `main` does not do, and lets `refuse` and `checks` decide, which know the line."""
+
+    def visit_If(self, node: ast.If) -> Any:
+        self.generic_visit(node)
+        asked = ast.unparse(node.test)
+        if "['profile'] != MAIN" in asked:
+            return node.orelse
+        return node.body if isinstance(node.test, ast.Compare) and "['profile'] == MAIN" in asked else node
+
+    def visit_IfExp(self, node: ast.IfExp) -> Any:
+        self.generic_visit(node)
+        return node.body if "['profile'] == MAIN" in ast.unparse(node.test) else node
+
+    def visit_Raise(self, node: ast.Raise) -> Any:
+        if not isinstance(node.exc, ast.Call) or ast.unparse(node.exc.func) != "Fault":
+            return node
+        return ast.Expr(_call("refuse", node.lineno, *node.exc.args))
+
+    def visit_Expr(self, node: ast.Expr) -> Any:
+        self.generic_visit(node)
+        if not (isinstance(node.value, ast.Call) and _name(node.value.func).startswith("check_")):
+            return node
+        return ast.Expr(ast.IfExp(_call("checks", node.lineno), node.value, ast.Constant(None)))
+
+
+def _call(name: str, line: int, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(ast.Name(name, ast.Load()), [ast.Constant(line), *arguments], [])
+
+
+def _name(node: ast.AST) -> str:
+    return node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
+
+
+@cache
+def _code() -> tuple[ast.Module, ...]:
+    """The blocks of the reader of `main`, with the lines of spec.md."""
+    table = str(namespace()["EXP2"].tolist())
+    trees = (_OfMain().visit(ast.parse(block.replace(SLOW, table))) for block in blocks())
+    return tuple(ast.fix_missing_locations(tree) for tree in trees)
+
+
+@cache
+def _functions() -> tuple[ast.FunctionDef, ...]:
+    """The functions that the operations lead to; a method is reached by its name alone."""
+    there = [node for tree in _code() for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    found, waiting = list[ast.FunctionDef](), {*OPERATIONS, "__init__"}
+    while waiting:
+        new = [node for node in there if node.name in waiting and node not in found]
+        found += new
+        waiting = {_name(part) for node in new for part in ast.walk(node)}
+    return tuple(found)
+
+
+@cache
+def refusals() -> tuple[Check, ...]:
+    """Each place where the reader refuses a stream."""
+    return tuple(
+        Check(_line(call), function.name, tuple(sorted(_rules(function, call.args[1]))))
+        for function in _functions()
+        for call in _calls(function, "refuse")
+    )
+
+
+@cache
+def calls_of_checks() -> tuple[Check, ...]:
+    """Each place where the reader calls a function that refuses, and does nothing else there."""
+    return tuple(
+        Check(_line(call), function.name, tuple(sorted(_rules_inside(node.body))))
+        for function in _functions()
+        for node in ast.walk(function)
+        if isinstance(node, ast.IfExp)
+        for call in _calls(node.test, "checks")
+    )
+
+
+def _rules_inside(call: ast.expr) -> set[str]:
+    """The rules of the function that is called, of which the arguments may name some."""
+    (named,) = (_name(node.func) for node in [call] if isinstance(node, ast.Call))
+    rules = {rule for check in refusals() if check.function == named for rule in check.rules}
+    return rules & _stated(call) or rules
+
+
+def _line(call: ast.Call) -> int:
+    return int(ast.literal_eval(call.args[0]))
+
+
+def _calls(node: ast.AST, name: str) -> Iterator[ast.Call]:
+    return (n for n in ast.walk(node) if isinstance(n, ast.Call) and _name(n.func) == name)
+
+
+def _rules(function: ast.FunctionDef, rule: ast.expr) -> set[str]:
+    """The rules that an expression stands for: those that it names, or that its variable is given anywhere."""
+    if stated := _stated(rule):
+        return stated
+    name, place = _name(rule), [argument.arg for argument in function.args.args]
+    given: list[ast.AST] = []
+    for node in _parts():
+        if isinstance(node, ast.keyword) and node.arg == name:
+            given.append(node.value)
+        if isinstance(node, ast.Assign) and any(_name(target) == name for target in node.targets):
+            given.append(node.value)
+        if isinstance(node, ast.FunctionDef) and name in (argument.arg for argument in node.args.args):
+            given += node.args.defaults
+        if isinstance(node, ast.Call) and _name(node.func) == function.name and name in place:
+            given.append(node.args[place.index(name)])
+    given += [loop.iter for loop in ast.walk(function) if isinstance(loop, ast.For) and name in ast.unparse(loop.target)]
+    return {found for part in given for found in _stated(part)}
+
+
+@cache
+def _parts() -> tuple[ast.AST, ...]:
+    return tuple(part for tree in _code() for part in ast.walk(tree))
+
+
+def _stated(node: ast.AST) -> set[str]:
+    texts = (str(part.value) for part in ast.walk(node) if isinstance(part, ast.Constant))
+    return {text for text in texts if re.fullmatch(r"R-[\d.]+-\d+", text)}
+
+
+@dataclass
+class Reader:
+    """A reader of `main` that leaves some checks out.
+
+    Attributes
+    ----------
+    forgotten
+        Lines and rules of the refusals that it leaves out; None: all.
+    uncalled
+        Lines on which it does not call a check.
+    """
+
+    forgotten: set[tuple[int, str]] | None = field(default_factory=set)
+    uncalled: set[int] = field(default_factory=set)
+    names: dict[str, Any] = field(default_factory=dict)
+    left_out: int = 0
+
+    def __post_init__(self) -> None:
+        self.names |= {"__name__": "reader", "refuse": self._refuse, "checks": lambda line: line not in self.uncalled}
+        for tree in _compiled():
+            exec(tree, self.names)
+
+    def _refuse(self, line: int, rule: str, bit: int) -> None:
+        if self.forgotten is not None and (line, rule) not in self.forgotten:
+            raise self.names["Fault"](rule, bit)
+        self.left_out += 1
+        if self.left_out > PATIENCE:
+            raise RecursionError("it never ends")
+
+    def forget(self, checks: Iterable[tuple[int, str]] | None, uncalled: Iterable[int] = ()) -> None:
+        """Leave these checks out, and no others; a limit with R-5-9, which says the same where there are no layers."""
+        self.uncalled = set(uncalled)
+        self.forgotten = None if checks is None else set(checks)
+        if checks is not None and any(rule.startswith(LIMITS) for _, rule in self.forgotten or ()):
+            self.forgotten = {*self.forgotten, *_stand_ins()}  # type: ignore[misc]
+
+    def answer(self, operation: str, inputs: dict[str, Any]) -> dict[str, Any] | None:
+        """Its answer; None if it has none."""
+        self.left_out = 0
+        try:
+            return dict(self.names[operation](**inputs))
+        except Exception:
+            return None
+
+
+@cache
+def _stand_ins() -> frozenset[tuple[int, str]]:
+    return frozenset((check.line, "R-5-9") for check in refusals() if "R-5-9" in check.rules)
+
+
+@cache
+def _compiled() -> tuple[Any, ...]:
+    return tuple(compile(tree, str(SPEC), "exec") for tree in _code())
