@@ -31,8 +31,8 @@ from gsvc_conformance.adapters.webgpu.main_profile import MAIN
 
 __all__ = [
     "adapt_model",
-    "decode_plane",
     "decode_layers",
+    "decode_plane",
     "decode_stream",
     "decode_stream_deterministic",
     "density_frequencies",
