@@ -50,6 +50,7 @@ from gsvc_ref.rendering import to_frame_deterministic as to_frame_deterministic
 from gsvc_ref.stream import Gap as Gap
 from gsvc_ref.stream import Stream
 from gsvc_ref.stream import decode as decode
+from gsvc_ref.stream import decode_layers as decode_layers
 from gsvc_ref.stream import decode_stream as decode_stream
 from gsvc_ref.stream import decode_stream_deterministic as decode_stream_deterministic
 from gsvc_ref.stream import read_main_stream as read_main_stream

@@ -199,7 +199,7 @@ def most_splats(vector: Vector) -> int:
     """The largest number of splats of any input, and of any frame of a stream up to its first fault."""
     of_streams = (count for stream in _streams(vector) for count in _frame_counts(stream))
     of_layers: list[int] = []
-    if vector.operation.name == "reconstruct_layers":
+    if "layer" in vector.inputs:
         of_layers = namespace()["reconstruct_layers"](**vector.inputs)["counts"].tolist()
     return max([0, *splat_counts(vector.operation, vector.inputs), *of_streams, *of_layers])
 

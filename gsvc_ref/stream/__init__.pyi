@@ -9,6 +9,7 @@ from gsvc_ref.stream.decoder import decode as decode
 from gsvc_ref.stream.decoder import scaled_size as scaled_size
 from gsvc_ref.stream.formats import video_format as video_format
 from gsvc_ref.stream.reader import StreamReader as StreamReader
+from gsvc_ref.stream.whole_streams import decode_layers as decode_layers
 from gsvc_ref.stream.whole_streams import decode_stream as decode_stream
 from gsvc_ref.stream.whole_streams import decode_stream_deterministic as decode_stream_deterministic
 from gsvc_ref.stream.whole_streams import read_main_stream as read_main_stream

@@ -13,7 +13,7 @@ from gsvc_ref.main.frames import symbols_of
 from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.paper import FrameCodes, SplatBlock
 from gsvc_ref.stream.decoded import DecodedFrame
-from gsvc_ref.stream.decoder import decode
+from gsvc_ref.stream.decoder import decode, rendered
 from gsvc_ref.stream.reader import StreamReader
 
 Array = NDArray[Any]
@@ -293,6 +293,34 @@ def decode_stream(stream: bytes) -> Array:
         The stream breaks a rule of spec.md.
     """
     return np.stack(list(decode(stream, layer=0)))
+
+
+# twin of spec.decode_layers
+@door
+def decode_layers(stream: bytes, layer: int) -> Array:
+    """The frames of a stream with layers, all at once, in the quality of a layer (section 15.13).
+
+    Parameters
+    ----------
+    stream
+        A `.gsvc` file.
+    layer
+        0 to 3; 0 is the base, and what `decode_stream` gives. A stream with fewer layers shows all that it has.
+
+    Returns
+    -------
+    NDArray
+        (T, H, W, 3) u1 for 8 bits, else u2 (R-9.1-1).
+
+    Raises
+    ------
+    GsvcError
+        The stream breaks a rule of spec.md in this quality.
+    UsageError
+        There is no such layer.
+    """
+    reader = StreamReader(stream, layer=layer)
+    return np.stack(list(rendered(reader.frames(), reader.header, 1.0, "fast", None)))
 
 
 # twin of spec.decode_stream_deterministic

@@ -17,7 +17,7 @@ Operations = dict[str, Callable[..., dict[str, Any]]]
 LaneDecoder = Callable[[int, Sequence[int], int, Sequence[int], Sequence[int]], tuple[Any, list[int], int]]
 """(count, frequencies, precision, states, words) to symbols u2 (count,), final states, and how many words it takes."""
 
-STREAM_OPERATIONS: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic")
+STREAM_OPERATIONS: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic", "decode_layers")
 """The operations of spec.md that call the back end."""
 
 PLANE_OPERATIONS: Final = ("read_stream", "decode_plane")

@@ -43,8 +43,8 @@ def entries_of(data: bytes) -> list[tuple[int, int]]:
     return entries
 
 
-def with_index(entries: list[tuple[int, int]]) -> bytes:
-    """The stream of `sequence` with an index of these entries."""
+def with_index(entries: list[tuple[int, int]], data: bytes | None = None) -> bytes:
+    """A stream, else that of `sequence`, with an index of these entries."""
     steps = index_steps(entries)
     payload = encode_uv(len(steps)) + b"".join(encode_uv(int(step)) for step in steps.ravel())
 
@@ -53,12 +53,12 @@ def with_index(entries: list[tuple[int, int]]) -> bytes:
         end = chunks[-1][1][:4] + length.to_bytes(4, "little")
         return [*chunks[:-1], (b"x", payload), (b"E", end)]
 
-    return operated(edit, stream_of(sequence()))
+    return operated(edit, stream_of(sequence()) if data is None else data)
 
 
-def indices() -> dict[str, list[tuple[int, int]] | None]:
-    """Indices that a stream may have, by what is special; None: no index."""
-    every = entries_of(stream_of(sequence()))
+def indices(data: bytes | None = None) -> dict[str, list[tuple[int, int]] | None]:
+    """Indices that a stream, else that of `sequence`, may have, by what is special; None: no index."""
+    every = entries_of(stream_of(sequence()) if data is None else data)
     return {
         "absent": None,
         "complete": every,

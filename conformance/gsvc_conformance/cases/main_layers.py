@@ -10,10 +10,11 @@ from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
-from gsvc_conformance.cases.building import operated, result
+from gsvc_conformance.cases.building import on, operated, result
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, crowd, frame_of
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
+from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.crc import parameter_checksum
 from gsvc_ref.bitstream.header import MAX_LAYERS
 from gsvc_ref.main.codes import NO_FIELD, MainCodes
@@ -82,7 +83,6 @@ def with_layers(
             payload = bytes([head(entry.layer, codes.type, number)]) + checksum.to_bytes(4, "little") * flag + body
             if (number, entry.layer) not in lost:
                 behind.setdefault(number, []).append((b"n", entry.edit(payload) if entry.edit else payload))
-    at = 1 + 4 * made.parameter_checksum_flag
     places = iter(range(-1, len(base)))
 
     def edit(chunks: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
@@ -94,6 +94,7 @@ def with_layers(
                     points = bytes(quality.level << 5 | quality.halvings << 3 for quality in made.qualities)
                     payload = payload[: -len(points)] + points
                 if number >= 0 and made.layer_count > 1:
+                    at = len(encode_uv(number)) + 4 * made.parameter_checksum_flag
                     mask = masks.get(number, sum({1 << layer for layer in now[number][1]} - {1}))
                     payload = payload[:at] + bytes([mask]) + payload[at + 1 :]
                 found += [(kind, payload), *behind.get(number, [])]
@@ -125,6 +126,18 @@ def _frame(
     return codes, s.getvalue(), after
 
 
+QUALITY: Final = ("reconstruct_layers", "decode_layers")
+"""The operations that most streams with layers are cases of."""
+
+
+def check_sound(expected: Mapping[str, Any]) -> None:
+    """There is no error; pictures show something."""
+    if "frames" in expected:
+        assert result(expected, "frames").any()
+    else:
+        assert result(expected, "error") == ""
+
+
 BASE: Final = Plan("I", 6), Plan("P", 1), Plan("R"), Plan("P", 2)
 LAYERS: Final = (
     LayerPlan(0, 1, Plan("I", 8, 16)),
@@ -138,19 +151,20 @@ LAYERS: Final = (
 )
 
 
-@case("core", "reconstruct_layers", each={str(layer): layer for layer in range(4)})
+@on("core", *QUALITY, each={str(layer): layer for layer in range(4)})
 def quality(value: int) -> Inputs:
     """A stream of a base and three layers, in quality {key}: the splats of layers follow those of the base."""
     stream = with_layers(Draws(19), BASE, LAYERS)
     expected = yield {"stream": stream, "layer": value}
-    assert result(expected, "error") == ""
-    counts = result(expected, "counts")
-    base = spec.reconstruct_stream(stream)["counts"]
-    assert (counts >= base).all()
-    assert bool((counts > base).any()) == (value > 0)
+    check_sound(expected)
+    if "counts" in expected:
+        counts = result(expected, "counts")
+        base = spec.reconstruct_stream(stream)["counts"]
+        assert (counts >= base).all()
+        assert bool((counts > base).any()) == (value > 0)
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
+@on("core", *QUALITY, rules=["R-15.13-2"], flags=["kept"])
 def layers_that_are_carried() -> Inputs:
     """Without a chunk a layer stays after R, moves with the base after P, and is gone after an I-frame."""
     plans = (
@@ -163,16 +177,17 @@ def layers_that_are_carried() -> Inputs:
     layers = LayerPlan(0, 1, Plan("I", 5)), LayerPlan(3, 1, Plan("P", 3))
     stream = with_layers(Draws(23), plans, layers, width=150, height=70)
     expected = yield {"stream": stream, "layer": 1}
-    assert result(expected, "error") == ""
-    base = spec.reconstruct_stream(stream)["counts"]
-    extra = (result(expected, "counts") - base).tolist()
-    assert extra[:3] == [5, 5, 5]
-    assert extra[4] == 0
-    splats = np.split(result(expected, "parameters"), np.cumsum(result(expected, "counts"))[:-1])
-    behind_r, behind_p = splats[1][base[1] :], splats[2][base[2] :]
-    assert np.array_equal(splats[0][base[0] :], behind_r)
-    assert (behind_r[:, :2] != behind_p[:, :2]).any()
-    assert np.array_equal(behind_r[:, 2:], behind_p[:, 2:])
+    check_sound(expected)
+    if "counts" in expected:
+        base = spec.reconstruct_stream(stream)["counts"]
+        extra = (result(expected, "counts") - base).tolist()
+        assert extra[:3] == [5, 5, 5]
+        assert extra[4] == 0
+        splats = np.split(result(expected, "parameters"), np.cumsum(result(expected, "counts"))[:-1])
+        behind_r, behind_p = splats[1][base[1] :], splats[2][base[2] :]
+        assert np.array_equal(splats[0][base[0] :], behind_r)
+        assert (behind_r[:, :2] != behind_p[:, :2]).any()
+        assert np.array_equal(behind_r[:, 2:], behind_p[:, 2:])
 
 
 @case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept", "clamp"])
@@ -188,7 +203,7 @@ def a_layer_carried_out_of_the_frame() -> Inputs:
     assert (moved[:, 0] < 0).any() or (moved[:, 0] >= 150).any()
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-2"], each={"64_pixels": 1, "32_pixels": 2, "16_pixels": 3})
+@on("core", *QUALITY, rules=["R-15.13-2"], each={"64_pixels": 1, "32_pixels": 2, "16_pixels": 3})
 def layers_that_inherit(value: int) -> Inputs:
     """Cells of {key}: layer 1 takes the field of the base for motion and contexts, and layer 2 has one of its own."""
     base = (
@@ -202,7 +217,7 @@ def layers_that_inherit(value: int) -> Inputs:
     for n in (1, 2, 3):  # after the R-frame there is no field to inherit
         layers += [LayerPlan(n, 1, p), LayerPlan(n, 2, replace(p, motion_cell=3 - value % 3))]
     expected = yield {"stream": with_layers(Draws(25), base, layers, width=150, height=70), "layer": 2}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
 @case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=[CAPACITY])
@@ -221,17 +236,17 @@ def layers_carried_and_inheriting_by_turns() -> Inputs:
     assert len(result(expected, "counts")) == 18
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
+@on("core", *QUALITY, rules=["R-15.13-2"], flags=["kept"])
 def past_of_a_carried_layer() -> Inputs:
     """A P-frame changes splats of a layer and adds some, the next one carries all of them, and then nothing is past."""
     plans = Plan("I", 2), *[Plan("P", 1)] * 3
     p = Plan("P", 6, kind="any", own=False)
     layers = LayerPlan(0, 1, Plan("I", 12)), LayerPlan(1, 1, p), LayerPlan(3, 1, p)
     expected = yield {"stream": with_layers(Draws(28), plans, layers), "layer": 1}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-1"])
+@on("core", *QUALITY, rules=["R-15.13-1"])
 def a_mask_beyond_layer_count() -> Inputs:
     """Bits of layers that the stream does not have are ignored: an editor that drops layers leaves them."""
     stream = with_layers(
@@ -242,25 +257,26 @@ def a_mask_beyond_layer_count() -> Inputs:
         masks={0: 0b1110, 1: 0b1010, 2: 0b1000, 3: 0b0110},
     )
     expected = yield {"stream": stream, "layer": 1}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
-@case("core", "reconstruct_layers", rules=["R-13-9", "R-15.13-5", "R-15.13-6"])
+@on("core", *QUALITY, rules=["R-13-9", "R-15.13-5", "R-15.13-6"])
 def dropped_above_the_quality() -> Inputs:
     """A server has dropped layers 2 and 3 and left the masks: a decoder of quality 1 misses nothing."""
     lost = [(entry.frame, entry.layer) for entry in LAYERS if entry.layer > 1]
     expected = yield {"stream": with_layers(Draws(19), BASE, LAYERS, lost=lost), "layer": 1}
-    assert result(expected, "error") == ""
-    whole = spec.reconstruct_layers(with_layers(Draws(19), BASE, LAYERS), 1)
-    assert np.array_equal(result(expected, "parameters"), whole["parameters"])
+    check_sound(expected)
+    if "counts" in expected:
+        whole = spec.reconstruct_layers(with_layers(Draws(19), BASE, LAYERS), 1)
+        assert np.array_equal(result(expected, "parameters"), whole["parameters"])
 
 
-@case("core", "reconstruct_layers", rules=["R-6.4-3"])
+@on("core", *QUALITY, rules=["R-6.4-3"])
 def layers_with_checksums() -> Inputs:
     """Each layer has the checksum of its own splats."""
     stream = with_layers(Draws(29), BASE, LAYERS, parameter_checksum_flag=True)
     expected = yield {"stream": stream, "layer": 3}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
 @case("core", "reconstruct_stream")
@@ -270,7 +286,7 @@ def base_of_layers() -> Inputs:
     assert result(expected, "error") == ""
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-2"], flags=["kept"])
+@on("core", *QUALITY, rules=["R-15.13-2"], flags=["kept"])
 def layer_that_is_repeated() -> Inputs:
     """`R` of a layer is illegal after an I-frame; after P and R it repeats the splats of the layer."""
     layers = (
@@ -281,21 +297,24 @@ def layer_that_is_repeated() -> Inputs:
     )
     stream = with_layers(Draws(37), BASE, layers)
     expected = yield {"stream": stream, "layer": 1}
-    assert result(expected, "error") == ""
-    extra = result(expected, "counts") - spec.reconstruct_stream(stream)["counts"]
-    assert extra[:3].tolist() == [5, 5, 5]
+    check_sound(expected)
+    if "counts" in expected:
+        extra = result(expected, "counts") - spec.reconstruct_stream(stream)["counts"]
+        assert extra[:3].tolist() == [5, 5, 5]
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-3"])
+@on("core", *QUALITY, rules=["R-15.13-3"])
 def a_layer_is_missing() -> Inputs:
     """Layers 1 and 3 without a layer 2: quality 3 has the splats of both, in this order."""
     layers = LayerPlan(0, 1, Plan("I", 5)), LayerPlan(0, 3, Plan("I", 7)), LayerPlan(1, 3, Plan("P", 2))
     stream = with_layers(Draws(41), BASE, layers)
     expected = yield {"stream": stream, "layer": 3}
-    assert result(expected, "counts")[0] == spec.reconstruct_stream(stream)["counts"][0] + 12
+    check_sound(expected)
+    if "counts" in expected:
+        assert result(expected, "counts")[0] == spec.reconstruct_stream(stream)["counts"][0] + 12
 
 
-@case("core", "reconstruct_layers", flags=["prediction", "kept"])
+@on("core", *QUALITY, flags=["prediction", "kept"])
 def layers_have_models_of_their_own() -> Inputs:
     """P-frames of two layers, any symbols: models, densities, fields and lanes of each layer and of the base."""
     p = Plan("P", 2, 30, 1, 3, kind="any", own=False)
@@ -306,10 +325,10 @@ def layers_have_models_of_their_own() -> Inputs:
         for layer in (1, 2)
     ]
     expected = yield {"stream": with_layers(Draws(43), base, layers, width=150, height=70), "layer": 2}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
-@case("core", "reconstruct_layers", flags=["clamp"])
+@on("core", *QUALITY, flags=["clamp"])
 def layers_without_splats() -> Inputs:
     """A base without splats under a layer that has some, and a layer that has none."""
     base = Plan("I"), Plan("P"), Plan("P", 2)
@@ -321,8 +340,9 @@ def layers_without_splats() -> Inputs:
         LayerPlan(2, 2, Plan("I", 4)),
     )
     expected = yield {"stream": with_layers(Draws(47), base, layers), "layer": 2}
-    assert result(expected, "error") == ""
-    assert result(expected, "counts")[0] == 3
+    check_sound(expected)
+    if "counts" in expected:
+        assert result(expected, "counts")[0] == 3
 
 
 @case("core", "reconstruct_layers", rules=["R-6.2-5"])
@@ -334,23 +354,24 @@ def layers_of_profile_paper() -> Inputs:
     assert len(result(expected, "counts")) == 3
 
 
-@case("core", "reconstruct_layers", rules=["R-15.13-1"], each={"0": 0, "1": 1})
+@on("core", *QUALITY, rules=["R-15.13-1"], each={"0": 0, "1": 1})
 def faults_above_the_quality(value: int) -> Inputs:
     """Layer 2 has a reserved type and no body: who wants quality {key} looks at its number only."""
     layers = LayerPlan(0, 1, Plan("I", 3)), LayerPlan(0, 2, Plan("I", 2), lambda _: b"\xbfZ")
     expected = yield {"stream": with_layers(Draws(53), BASE, layers), "layer": value}
-    assert result(expected, "error") == ""
+    check_sound(expected)
 
 
-@case("core", "reconstruct_layers", rules=["R-6.2-6"])
+@on("core", *QUALITY, rules=["R-6.2-6"])
 def chunk_before_the_first_frame() -> Inputs:
     """A chunk `n` after the header is of no frame, so it is skipped, although it has the form of an I of layer 1."""
     layers = LayerPlan(-1, 1, Plan("I", 3)), LayerPlan(1, 1, Plan("I", 5))
     stream = with_layers(Draws(61), BASE, layers)
     expected = yield {"stream": stream, "layer": 1}
-    assert result(expected, "error") == ""
-    extra = result(expected, "counts") - spec.reconstruct_stream(stream)["counts"]
-    assert extra.tolist() == [0, 5, 5, 5]
+    check_sound(expected)
+    if "counts" in expected:
+        extra = result(expected, "counts") - spec.reconstruct_stream(stream)["counts"]
+        assert extra.tolist() == [0, 5, 5, 5]
 
 
 SIZE: Final[dict[str, Any]] = {"width": 256, "height": 256}

@@ -280,7 +280,7 @@ def main_sizes(value: tuple[int, int], rng: Draws) -> Inputs:
     assert len(result(expected, "counts")) == 2
 
 
-@on("core", "decode_stream_deterministic", equations=["15-5"], rules=["R-15.4-2"])
+@on("core", "decode_stream", "decode_stream_deterministic", equations=["15-5"], rules=["R-15.4-2"])
 def main_rendered(rng: Draws) -> Inputs:
     """Frames I, P, R and P with motion, rendered."""
     plans = Plan("I", 40, 40), Plan("P", 3, 40, motion_cell=3), Plan("R"), Plan("P", 0, 40)

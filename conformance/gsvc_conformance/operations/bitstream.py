@@ -81,17 +81,21 @@ paired(
 )
 
 
-def _intervals(stream: bytes) -> dict[str, Expectation]:
-    """Each frame's interval, derived from the exact sum and its bound; an R-frame has that of the one before."""
+def frame_intervals(stream: bytes, layer: int = 0) -> dict[str, Expectation]:
+    """Each frame's interval, derived from the exact sum and its bound; equal splats have that of the frame before."""
     from gsvc_ref.stream import StreamReader
 
-    header = StreamReader(stream).header
+    reader = StreamReader(stream, layer=layer)
+    header = reader.header
     size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
     rendered = operations()["render_frame"].oracle
     frames: list[Any] = []
-    for frame in StreamReader(stream):
-        repeated = frame.type == "R"
-        frames.append(frames[-1] if repeated else rendered(parameters=frame.splats.to_array(), **size)["frame"])
+    before = None
+    for frame in reader:
+        parameters = frame.splats.to_array()
+        again = before is not None and parameters.tobytes() == before.tobytes()
+        frames.append(frames[-1] if again else rendered(parameters=parameters, **size)["frame"])
+        before = parameters
     return {
         "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
     }
@@ -105,7 +109,7 @@ paired(
     outputs="frames: u1|u2 (T, H, W, 3)",
     equations=("9-1", "9-2"),
     rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
-    oracle=_intervals,
+    oracle=frame_intervals,
 )
 
 

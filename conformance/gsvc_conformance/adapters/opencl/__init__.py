@@ -69,6 +69,7 @@ __all__ = [
     "augment",
     "commitment",
     "compact",
+    "decode_layers",
     "decode_stream",
     "decode_stream_deterministic",
     "density_frequencies",
@@ -138,5 +139,6 @@ _streams: Operations = host.stream_operations(_back_end, main_profile=MAIN)
 read_main_stream = _streams["read_main_stream"]
 reconstruct_layers = _streams["reconstruct_layers"]
 reconstruct_stream = _streams["reconstruct_stream"]
+decode_layers = _streams["decode_layers"]
 decode_stream = _streams["decode_stream"]
 decode_stream_deterministic = _streams["decode_stream_deterministic"]

@@ -59,7 +59,12 @@ from gsvc_conformance.adapters.pytorch.rendering import (
     scale_parameters_filtered,
     to_frame,
 )
-from gsvc_conformance.adapters.pytorch.streams import decode_stream, decode_stream_deterministic, reconstruct_stream
+from gsvc_conformance.adapters.pytorch.streams import (
+    decode_layers,
+    decode_stream,
+    decode_stream_deterministic,
+    reconstruct_stream,
+)
 from gsvc_conformance.adapters.pytorch.training import (
     adan_step,
     augment,
@@ -78,6 +83,7 @@ __all__ = [
     "commitment",
     "compact",
     "converged",
+    "decode_layers",
     "decode_stream",
     "decode_stream_deterministic",
     "density_frequencies",

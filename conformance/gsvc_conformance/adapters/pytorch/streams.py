@@ -31,6 +31,11 @@ def reconstruct_stream(stream: bytes) -> Arrays:
     return _OPERATIONS["reconstruct_stream"](stream)
 
 
+def decode_layers(stream: bytes, layer: int) -> Arrays:
+    """Operation: the frames in the quality of a layer, in `bounded` rendering."""
+    return _OPERATIONS["decode_layers"](stream, layer)
+
+
 def decode_stream(stream: bytes) -> Arrays:
     """Operation: the frames, in `bounded` rendering."""
     return _OPERATIONS["decode_stream"](stream)

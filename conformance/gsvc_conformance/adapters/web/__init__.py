@@ -131,6 +131,11 @@ def read_main_stream(stream: bytes) -> Values:
     return ask("read_main_stream", stream=stream)
 
 
+def decode_layers(stream: bytes, layer: int) -> Values:
+    """The frames in the quality of a layer (section 15.13)."""
+    return ask("decode_layers", stream=stream, layer=layer)
+
+
 def reconstruct_layers(stream: bytes, layer: int) -> Values:
     """The splats of all complete frames in the quality of a layer, and the first fault (section 15.13)."""
     return ask("reconstruct_layers", stream=stream, layer=layer)

@@ -166,6 +166,10 @@ globalThis.GSVC ??= {};
       return splatsOf(framesWithLayers(stream, layer));
     },
 
+    async decode_layers({ stream, layer }) {
+      return decoded(stream, boundedFrame, layer);
+    },
+
     async encode_run(inputs) {
       const named = (names) => Object.fromEntries(names.map(([name, input]) => [name, numbers(inputs[input])]));
       const coded = main.encodeRun({
@@ -268,8 +272,8 @@ globalThis.GSVC ??= {};
   }
 
   /** All frames of a stream, rendered one after the other. */
-  async function decoded(stream, render) {
-    const { s, state } = readStart(stream);
+  async function decoded(stream, render, quality = 0) {
+    const { s, state } = readStart(stream, quality);
     const { width, height, bit_depth } = state.header;
     const frames = [];
     for (const { parameters } of readFrames(s, state)) frames.push(await render(parameters, state.header));

@@ -18,7 +18,7 @@ globalThis.GSVC ??= {};
     deterministic: ["render_sum_deterministic", "to_frame_deterministic", "decode_stream_deterministic"],
     seeking: ["seek"],
     sizes: ["scale_parameters", "scale_parameters_filtered"],
-    layers: ["reconstruct_layers"],
+    layers: ["reconstruct_layers", "decode_layers"],
   };
 
   /** Reads a vector: its manifest, its inputs, and the parts of its expected outputs. */

@@ -31,6 +31,7 @@ from gsvc_conformance.adapters.webgpu.main_profile import MAIN
 
 __all__ = [
     "adapt_model",
+    "decode_layers",
     "decode_plane",
     "decode_stream",
     "decode_stream_deterministic",
@@ -213,6 +214,11 @@ def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
 def read_main_stream(stream: bytes) -> dict[str, Any]:
     """The contents of the bytes of a stream of profile `main`: section 15.12."""
     return _STREAM_OPERATIONS["read_main_stream"](stream)
+
+
+def decode_layers(stream: bytes, layer: int) -> dict[str, Any]:
+    """The frames in the quality of a layer: section 15.13."""
+    return _STREAM_OPERATIONS["decode_layers"](stream, layer)
 
 
 def reconstruct_layers(stream: bytes, layer: int) -> dict[str, Any]:
