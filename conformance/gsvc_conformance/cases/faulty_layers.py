@@ -8,6 +8,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Fault, Inputs, add
+from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.main_layers import BASE, LEVEL_2, SIZE, Edit, LayerPlan, covering, with_layers
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
@@ -57,6 +58,7 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
+    flags: tuple[str, ...] = ()
 
 
 LAYER_I: Final = Plan("I", 2)
@@ -296,6 +298,15 @@ FAULTY_LAYERS: Final = {
         (*SIZE.items(), ("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
         quality=1,
     ),
+    "point_of_too_many_bytes": FaultyLayer(
+        (LayerPlan(0, 1, LAYER_I, lambda p: p[:1] + bytes(2**20)),),
+        "R-5-9",
+        "a chunk of layer 1 has 2^20 + 1 bytes, and quality 1 asks for level 1",
+        "level 1 allows 2^20",
+        header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
+        quality=1,
+        flags=(CAPACITY,),
+    ),
     "lane_state": FaultyLayer(
         (LayerPlan(0, 1, Plan("I", 1, kind="likely"), _low_state),),
         "R-6.6-5",
@@ -353,6 +364,7 @@ for key, entry in FAULTY_LAYERS.items():
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
         rules=[entry.rule],
+        flags=entry.flags,
         fault=Fault(entry.lie, entry.truth),
         function=faulty_layer,
         arguments={"value": entry},
@@ -375,6 +387,12 @@ POINTS: Final[dict[str, tuple[str, Lie, str, str]]] = {
         Lie("quality_halvings", 0),
         "a frame has 600x300 pixels, and quality 0 asks for level 1",
         "level 1 allows 2^17",
+    ),
+    "too_many_bytes": (
+        "R-5-9",
+        Lie("chunk_length", 2**20 + 1, 1),
+        "a chunk claims 2^20 + 1 bytes, and quality 0 asks for level 1",
+        "level 1 allows 2^20",
     ),
 }
 """Faulty operating points of a stream of two qualities, of which the first is shown at half size."""

@@ -9,7 +9,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs
-from gsvc_conformance.cases.building import frames_of, on, result
+from gsvc_conformance.cases.building import Chunks, frames_of, on, operated, result
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import IntraCodes, MainCodes
@@ -309,6 +309,23 @@ def main_three_frames_of_a_clip(rng: Draws) -> Inputs:
     plans = Plan("I", 90, 30, 2), Plan("P", 4, 30, 2, 2), Plan("P", 3, 30, 2, 2, own=False)
     expected = yield {"stream": main_stream(rng, *plans, width=176, height=144, parameter_checksum_flag=True)}
     assert len(result(expected, "counts")) == 3
+
+
+@on("core", *READ, flags=["clamp"], each={"512": (512, 0b1), "1024": (1024, 0b11)})
+def main_more_than_there_are(value: tuple[int, int]) -> Inputs:
+    """Raw low bits say that the first half has more than all {key} splats: it has them all."""
+    count, low_bits = value
+    splats = crowd(MAIN_HEADER, (25, 0), count)
+
+    def edit(chunks: Chunks) -> Chunks:
+        header, (kind, payload), end = chunks
+        return [header, (kind, payload[:-1] + bytes([payload[-1] | low_bits])), end]
+
+    sound = write_stream(MAIN_HEADER, [splats], index=False)
+    stream = operated(edit, sound)
+    assert stream != sound
+    expected = yield {"stream": stream}
+    assert result(expected, "counts").tolist() == [count]
 
 
 # --- Rare and extreme ------------------------------------------------------------------------------------------------
