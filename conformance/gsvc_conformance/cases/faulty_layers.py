@@ -234,6 +234,21 @@ FAULTY_LAYERS: Final = {
         "6 splats of the base, 3 of layer 1 and 16376 of layer 2",
         "level 1 allows 16384 together",
     ),
+    "splats_of_a_layer_that_grows": FaultyLayer(
+        (LayerPlan(0, 1, Plan("I", 3)), LayerPlan(1, 1, Plan("P", 2), _body(number=2 * 16380 + 1))),
+        "R-5-2",
+        "a base of 7 splats, and 3 of a layer that grows by 16381",
+        "level 1 allows 16384 together",
+        complete=2,
+    ),
+    "splats_of_a_layer_that_is_repeated": FaultyLayer(
+        (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)), LayerPlan(1, 1, Plan("R"))),
+        "R-5-2",
+        "a base of 2 splats grows by 3 below a layer of 16380, which is repeated",
+        "level 1 allows 16384 together",
+        (Plan("I", 2), Plan("P", 3, kind="likely")),
+        complete=2,
+    ),
     "splats_that_are_carried": FaultyLayer(
         (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),),
         "R-5-2",
