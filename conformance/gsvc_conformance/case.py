@@ -36,7 +36,8 @@ OWN: Final = "own"
 """The tier of vectors that users make from their own inputs (`making`)."""
 MODULES: Final = (
     "bitstream", "faulty", "seeking", "reconstruction", "rendering", "frames", "deterministic", "other_sizes",
-    "gradients", "training", "adan", "quantization", "rvq", "codebooks", "selection", "key_frames", "color", "metrics",
+    "gradients", "plain_splats", "training", "adan", "quantization", "rvq", "codebooks", "selection", "key_frames",
+    "color", "metrics",
     "hard_splats", "hard_gradients", "hard_losses", "hard_frames", "hard_training", "hard_quantizers",
     "hard_selection", "large_frames", "large_rows", "large_codebooks", "large_planes", "large_pictures", "large_splats",
     "main_states", "main_entropy", "main_large", "main_streams", "main_layers", "faulty_layers", "encoder", "full",

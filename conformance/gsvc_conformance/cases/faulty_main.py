@@ -170,7 +170,7 @@ def main_faults() -> Iterator[Broken]:
                  "new splats, and only the frames before the I-frame have densities", "an I-frame forgets them",
                  partial(streams, (Plan("I", 4), *EMPTY), Lie("splat_number", _flag_cleared, 1)), 2)  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_of_a_p_frame_before_the_i_frame",
-                 "new splats, and the P-frame in front of the I-frame has the last densities", "an I-frame forgets them",
+                 "new splats, and the P-frame before the I-frame has the last densities", "an I-frame forgets them",
                  partial(streams, (Plan("I", 4), Plan("P", 2), *EMPTY), Lie("splat_number", _flag_cleared, 2)),
                  3)  # fmt: skip
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame_that_is_repeated",

@@ -197,7 +197,7 @@ def a_layer_carried_to_the_ends_of_its_range() -> Inputs:
                       modes=np.zeros(1, np.int64), differences=np.zeros((1, 8), np.int64))  # fmt: skip
     base = crowd(replace(MAIN_HEADER, **size), (25, 0), 1), *[moved] * 9
     layer = crowd(replace(MAIN_HEADER, **size), (25, 0), 2)
-    cells = layer.new.cells + [35, 0]
+    cells = layer.new.cells + np.array([35, 0])
     stream = with_layers(Draws(0), base, [LayerPlan(0, 1, replace(layer, new=replace(layer.new, cells=cells)))], **size)
     expected = yield {"stream": stream, "layer": 1}
     assert result(expected, "error") == ""
