@@ -5,7 +5,9 @@ from typing import Final
 from gsvc_conformance.mutants.mutant import Mutant, mutant
 
 AREA: Final = "main"
-SHIFTED: Final = "    return np.where(shift >= 0, mantissa << np.maximum(shift, 0), mantissa >> np.maximum(-shift, 0))\n"
+SHIFTED: Final = (
+    "    return np.where(shift >= 0, mantissa << np.maximum(shift, 0), mantissa >> np.maximum(-shift, 0))\n"
+)
 AREA_OF: Final = "    v = -(A + B) >> 1\n"
 SHIFT: Final = "    s = np.maximum(bits(np.max(abs(state[:, 5:]), axis=1)) - 14, 0)\n"
 PRODUCTS: Final = "(n >> s) * k + ((n & (1 << s) - 1) * k >> s)"
