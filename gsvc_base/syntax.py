@@ -17,7 +17,7 @@ Json = dict[str, Any]
 
 _SUPERSCRIPTS: Final = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")
 _NUMBER: Final = r"(?:\d+(?:\^\d+|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+)?(?: − \d+)?)"
-_HEADING: Final = re.compile(r"^(#{2,4}) (?:(Annex [A-Z]|[0-9.]+) )?(.*)$")
+_HEADING: Final = re.compile(r"^(#{2,4}) (?:(Annex [A-Z]|(?:[A-Z]\.)?[0-9.]+) )?(.*)$")
 _RULE: Final = re.compile(r"\*\*(R-[\w.-]+)\*\* ")
 _CITED: Final = re.compile(r"R-\d+(?:\.\d+)*-\d+")
 _CODE: Final = re.compile(r"`([^`]+)`")
@@ -36,6 +36,7 @@ def syntax() -> Json:
         "version": _version(),
         "descriptors": _descriptors(parts["3.1"], rules),
         "levels": _levels(parts["5"]),
+        "chunk_types": _chunk_types(parts["F.10"]),
         "structures": structures,
         "constants": _constants(parts["Annex A"]),
         "rules": {rule: {key: about[key] for key in ("section", "text")} for rule, about in rules.items()},
@@ -347,6 +348,14 @@ def _levels(part: _Part) -> list[Json]:
                     for what, text in zip(rows[0][1:], limits, strict=True)
                 }
     return list(found.values())
+
+
+def _chunk_types(part: _Part) -> list[Json]:
+    """The types of chunks that have a name, by the registry."""
+    rows = next(rows for rows in _tables(part.texts[""]) if rows[0][0] == "letters")
+    keys = ("letter", "value", "name", "belongs_to", "safe_to_copy", "status", "section")
+    named = (dict(zip(keys, (cell.replace("`", "") or None for cell in row), strict=True)) for row in rows[1:])
+    return [{**row, "value": int(row["value"], 16)} for row in named if row["name"]]
 
 
 def _constants(part: _Part) -> list[Json]:

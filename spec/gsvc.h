@@ -9,12 +9,19 @@
 #define GSVC_MAGIC_SIZE 8 /* bytes */
 
 /* Types of chunks. */
-#define GSVC_CHUNK_H 0x48 /* sequence_header() */
-#define GSVC_CHUNK_I 0x49 /* frame() */
-#define GSVC_CHUNK_P 0x50 /* frame() */
-#define GSVC_CHUNK_R 0x52 /* frame() */
-#define GSVC_CHUNK_ANCILLARY_X 0x78 /* index() */
-#define GSVC_CHUNK_E 0x45 /* end() */
+#define GSVC_CHUNK_H 0x48 /* sequence header */
+#define GSVC_CHUNK_I 0x49 /* I-frame */
+#define GSVC_CHUNK_P 0x50 /* P-frame */
+#define GSVC_CHUNK_R 0x52 /* R-frame */
+#define GSVC_CHUNK_E 0x45 /* end */
+#define GSVC_CHUNK_ANCILLARY_X 0x78 /* index */
+#define GSVC_CHUNK_ANCILLARY_D 0x64 /* decisions of the encoder */
+#define GSVC_CHUNK_ANCILLARY_T 0x74 /* time stamps */
+#define GSVC_CHUNK_ANCILLARY_P 0x70 /* private */
+#define GSVC_CHUNK_ANCILLARY_Q 0x71 /* private */
+#define GSVC_CHUNK_ANCILLARY_N 0x6E /* layer */
+#define GSVC_CHUNK_ANCILLARY_R 0x72 /* private */
+#define GSVC_CHUNK_ANCILLARY_S 0x73 /* private */
 
 /* Ranges of elements: the least and the greatest legal value, where these are numbers. */
 #define GSVC_VERSION_MAJOR_MIN 130
@@ -91,6 +98,8 @@
 #define GSVC_HALVING_CODE_MAX 7
 #define GSVC_LAYER_MIN 1
 #define GSVC_LAYER_MAX 3
+#define GSVC_LAYER_TYPE_MIN 0
+#define GSVC_LAYER_TYPE_MAX 2
 
 /* Values with a name. */
 #define GSVC_FLAGS_PARAMETER_CHECKSUM_FLAG (1u << 0)
@@ -104,6 +113,9 @@
 #define GSVC_PLANE_MODE_CODED 2
 #define GSVC_DENSITY_FAMILY_LOGISTIC 0
 #define GSVC_DENSITY_FAMILY_LAPLACE 1
+#define GSVC_LAYER_TYPE_I 0
+#define GSVC_LAYER_TYPE_P 1
+#define GSVC_LAYER_TYPE_R 2
 
 /* Limits of levels. */
 #define GSVC_LEVEL_1_PIXELS 0x20000u

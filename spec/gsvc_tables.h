@@ -1,6 +1,7 @@
 /* Tables of profile `main` of GSVC, by spec.md section 15.3. `gsvc-conformance syntax --write` writes this file: do not
  * edit it. C99 or C++17. HALVES has C[1] to C[n] of (15-8) for each alpha of ALPHAS and for n = 1 to 15: those of alpha
- * number a and of n begin at 120 a + n (n - 1) / 2. MODELS are the counts of (15-11) at an I-frame.
+ * number a and of n begin at 120 a + n (n - 1) / 2. MODELS are the counts of (15-11) at an I-frame. MAIN_K are the
+ * factors of (15-5), HALVED_REACH the F_h of (5-2), and SIDES those of the cells of motion in pixels, by motion_cell.
  */
 #ifndef GSVC_TABLES_H
 #define GSVC_TABLES_H
@@ -157,6 +158,15 @@ static const uint16_t GSVC_HALVES[960] = {
 6398, 9985, 13090, 15087, 16018, 16317, 16377, 3, 38, 222, 844, 2314, 4860, 8192, 11523, 14069, 15539, 16161, 16345,
 16380, 2, 22, 134, 544, 1597, 3605, 6534, 9849, 12778, 14786, 15839, 16249, 16361, 16381, 1, 13, 81, 347, 1085, 2620,
 5083, 8192, 11300, 13763, 15298, 16036, 16302, 16370, 16382};
+
+static const uint16_t GSVC_MAIN_K[3] = {
+42862, 52495, 30308};
+
+static const uint16_t GSVC_HALVED_REACH[4] = {
+0, 427, 953, 1953};
+
+static const uint8_t GSVC_SIDES[4] = {
+0, 64, 32, 16};
 
 static const uint16_t GSVC_MODELS_VECTOR[5][24] = {{
 736, 152, 76, 40, 52, 36, 44, 28, 36, 20, 20, 10, 8, 4, 3, 2, 2, 1, 1, 1, 1, 1, 1, 1},

@@ -50,11 +50,10 @@ def _magic() -> Macros:
 
 
 def _chunk_types() -> Macros:
-    for structure in syntax()["structures"]:
-        if letters := re.search(r"\(([A-Za-z](?:, [A-Za-z])*)\)$", structure["title"]):
-            for letter in letters[1].split(", "):
-                kind = "" if letter.isupper() else "_ANCILLARY"
-                yield f"GSVC_CHUNK{kind}_{letter.upper()}", f"0x{ord(letter):02X}", f"{structure['name']}()"
+    for row in syntax()["chunk_types"]:
+        if row["status"] != "planned":
+            kind = "" if row["letter"].isupper() else "_ANCILLARY"
+            yield f"GSVC_CHUNK{kind}_{row['letter'].upper()}", f"0x{row['value']:02X}", row["name"]
 
 
 def _ranges() -> Macros:

@@ -11,17 +11,21 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from gsvc_base import spec
 from gsvc_conformance.capacities import limit, symbols
 from gsvc_conformance.case import OWN, TIERS
 from gsvc_conformance.cases import FLAGS
+from gsvc_conformance.code_coverage import Kind, Point, reach
 from gsvc_conformance.elements import element_rows, uncovered_elements
 from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.operation import Operation, operations
 from gsvc_conformance.sets import changed, missing, read_sets, withdrawn
 from gsvc_conformance.spec import SPEC
-from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, files_in, is_listed, manifests_in
+from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, files_in, is_listed, manifests_in, vector_in
 
 Manifest = Mapping[str, Any]
+Code = list[tuple[Point, str]]
+"""The points of spec.md's code, each with a vector that reaches it, or "" if there is none."""
 
 UNCOVERED: Final[dict[str, str]] = {
     "R-6.2-7": "binds editors: which chunks they copy no decoder can tell",
@@ -70,8 +74,8 @@ def manifests(folder: Path = VECTORS) -> list[dict[str, Any]]:
     return sorted((m for name, m in manifests_in(files).items() if name not in gone), key=lambda m: str(m["id"]))
 
 
-def coverage_page(folder: Path = VECTORS) -> str:
-    """COVERAGE.md of the vectors of a folder."""
+def coverage_page(folder: Path = VECTORS, code: Code | None = None) -> str:
+    """COVERAGE.md of the vectors of a folder; `code` is what they reach of the code, if that is known."""
     there = manifests(folder)
     rules, equations = stated()
     return "\n\n".join(
@@ -83,6 +87,7 @@ def coverage_page(folder: Path = VECTORS) -> str:
             "## Equations\n\n" + _equations(equations, there),
             "## Syntax elements\n\nOf all streams of the vectors: values of legal ones, and faults.\n\n"
             + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
+            "## Code\n\n" + _code(reached(folder) if code is None else code),
             "## Mutants\n\nEach is the decoder inside spec.md with one mistake; every one must be found.\n\n"
             + _kill_table(there),
             "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
@@ -196,7 +201,10 @@ def _coverage_problems(there: list[dict[str, Any]]) -> Iterable[str]:
 
 
 def _page_problems(folder: Path) -> Iterable[str]:
-    if files_in(folder).get("COVERAGE.md") != coverage_page(folder).encode():
+    code = reached(folder)
+    missing_points = [point for point, name in code if not name and not _excuse(point)]
+    yield from (f"no vector reaches line {p.line} of spec.md: {' '.join([p.text, p.side])}" for p in missing_points)
+    if files_in(folder).get("COVERAGE.md") != coverage_page(folder, code).encode():
         yield "COVERAGE.md is not that of these vectors; write it with: gsvc-conformance generate"
 
 
@@ -254,6 +262,47 @@ def _kill_table(there: list[dict[str, Any]]) -> str:
         killers = [m["id"] for m in there if mutant.name in m["kills"]]
         rows.append([mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers, mutant.name)])
     return _table(["area", "mutant", "it looks like", "killed by", "such as"], rows)
+
+
+def reached(folder: Path = VECTORS) -> Code:
+    """What the vectors of a folder reach of the code of spec.md."""
+    files = files_in(folder)
+    bytes_of: Counter[str] = Counter()
+    for name in files:
+        bytes_of[name.rpartition("/")[0]] += files.size(name)
+    names = [m["id"] for m in manifests(folder) if hasattr(spec, m["operation"])]
+    names.sort(key=lambda name: (bytes_of[name], name))
+    return reach(names, lambda name: vector_in(files, name), lambda point: _excuse(point) != "")
+
+
+def _excuse(point: Point) -> str:
+    """Why no vector reaches a point of the code, or ""."""
+    return next((why for rule, why in UNCOVERED.items() if f"'{rule}'" in point.text), "")
+
+
+def _code(code: Code) -> str:
+    """Counts of what is reached, a table of what is not, and one of choices with a vector for each of their sides."""
+    kinds: tuple[Kind, ...] = ("statement", "branch", "choice")
+    counts = [[name != "" for point, name in code if point.kind == kind] for kind in kinds]
+    said = [f"{sum(count):,} of {len(count):,}" for count in counts]
+    choices: dict[tuple[str, int, str], list[str]] = {}
+    for point, name in code:
+        if point.kind == "choice":
+            sides = choices.setdefault((point.home, point.line, point.text), [])
+            sides.append(f"{point.side}: {f'`{name}`' if name and '/' in name else name or '**missing**'}")
+    not_reached = [
+        [f"`{point.home}`", f"`{point.text}`", point.side, _excuse(point) or "**missing**"]
+        for point, name in code if not name
+    ]  # fmt: skip
+    return (
+        f"The vectors reach {said[0]} statements of the code of spec.md, {said[1]} ways of its branches and {said[2]} "
+        "sides\nof its choices for each element: calls of `where`, `clip`, `minimum`, `maximum`, `min` and `max`. They "
+        "do not reach\n\n"
+        + _table(["in", "code", "way", "because"], not_reached)
+        + "\n\nA choice is reached by\n\n"
+        + _table(["in", "choice", "sides"], ([f"`{home}`", f"`{text}`", "; ".join(sides)]
+                                             for (home, _, text), sides in choices.items()))
+    )  # fmt: skip
 
 
 def _sizes(there: list[dict[str, Any]]) -> str:

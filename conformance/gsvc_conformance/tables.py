@@ -13,7 +13,8 @@ from gsvc_base.arrays import I8
 HEAD: Final = """\
 /* Tables of profile `main` of GSVC, by spec.md section 15.3. `gsvc-conformance syntax --write` writes this file: do not
  * edit it. C99 or C++17. HALVES has C[1] to C[n] of (15-8) for each alpha of ALPHAS and for n = 1 to 15: those of alpha
- * number a and of n begin at 120 a + n (n - 1) / 2. MODELS are the counts of (15-11) at an I-frame.
+ * number a and of n begin at 120 a + n (n - 1) / 2. MODELS are the counts of (15-11) at an I-frame. MAIN_K are the
+ * factors of (15-5), HALVED_REACH the F_h of (5-2), and SIDES those of the cells of motion in pixels, by motion_cell.
  */
 #ifndef GSVC_TABLES_H
 #define GSVC_TABLES_H
@@ -24,7 +25,7 @@ HEAD: Final = """\
 def tables() -> Mapping[str, I8]:
     """The tables by name: of one dimension, and of models (contexts, symbols)."""
     models = {f"MODELS_{name.upper()}": model["counts"] for name, model in spec.new_models().items()}
-    names = ("EXP2", "LOGISTIC", "LAPLACE", "ALPHAS", "HALVES")
+    names = ("EXP2", "LOGISTIC", "LAPLACE", "ALPHAS", "HALVES", "MAIN_K", "HALVED_REACH", "SIDES")
     return {**{name: np.array(getattr(spec, name), np.int64) for name in names}, **models}
 
 

@@ -14,7 +14,7 @@ from gsvc_base.document import PATH
 from gsvc_conformance.syntax_files import ROOT
 from gsvc_conformance.tables import tables
 from gsvc_ref.bitstream.crc import crc32c
-from gsvc_ref.main import cells, densities, models
+from gsvc_ref.main import cells, codes, densities, models, state
 from gsvc_ref.main import tables as of_main
 
 DATA: dict[str, Any] = json.loads((ROOT / "spec/tables.json").read_text(encoding="utf-8"))
@@ -44,6 +44,9 @@ def test_gsvc_ref_has_the_same() -> None:
     assert DATA["LAPLACE"] == of_main.LAPLACE.tolist()
     assert DATA["HALVES"] == cells.HALVES.tolist()
     assert DATA["ALPHAS"] == list(densities.ALPHAS)
+    assert DATA["SIDES"] == list(codes.SIDES)
+    assert DATA["MAIN_K"] == list(state.MAIN_K)
+    assert DATA["HALVED_REACH"] == list(state.HALVED_REACH)
     for name in MODELS:
         rows, symbols = models.MODELS[name], models.SYMBOLS[name]
         assert DATA[f"MODELS_{name.upper()}"] == [[*row, *[1] * (symbols - len(row))] for row in rows]

@@ -184,7 +184,9 @@ def test_the_header_is_c(tmp_path, compiler, options):
     for number_of, level in LEVELS.items():
         assert values[f"GSVC_LEVEL_{number_of}_PIXELS"] == level.pixels
         assert values[f"GSVC_LEVEL_{number_of}_RENDERING_WORK_FRAME"] == level.work
-    assert (values["GSVC_CHUNK_I"], values["GSVC_CHUNK_ANCILLARY_X"]) == (ord("I"), ord("x"))
+    chunk_types = {name.rpartition("_")[2]: value for name, value in values.items() if name.startswith("GSVC_CHUNK_")}
+    assert chunk_types == {"P": ord("p")} | {letter.upper(): ord(letter) for letter in "HIREdntxqrs"}
+    assert [values[f"GSVC_LAYER_TYPE_{letter}"] for letter in "IPR"] == [0, 1, 2]
     assert (values["GSVC_PLANE_MODE_CODED"], values["GSVC_CHROMA_FORMAT_420"]) == (2, 1)
 
 

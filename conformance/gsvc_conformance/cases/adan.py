@@ -1,6 +1,6 @@
 """Cases of a step of Adan."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -201,6 +201,50 @@ def large_gradients(rng: Draws) -> Inputs:
     inputs["gradients"] = f4([1000, -1000, 500, 250], [-700, 800, 900, -1000])
     expected = yield inputs
     assert np.all(expected["n"].value > 0.01 * inputs["gradients"].astype(np.float64) ** 2 * 3)
+
+
+# --- All rows of one age, as optimisers with one count of steps have them -----------------------------------------
+
+
+@case("core", "adan_step", flags=["correction"], each={str(k): k for k in (0, 1, 2, 3, 10, 99, 1000, 20_000)})
+def rows_of_one_age(value: int, rng: Draws) -> Inputs:
+    """Eleven rows, steps that each has had: {key}."""
+    expected = yield adan_inputs(rng, [value] * 11, columns=8)
+    assert (expected["steps"].value == value + 1).all()
+
+
+@case("core", "adan_step", each={"one_row": (1, 1), "61_rows": (61, 9)})
+def shapes_of_one_age(value: tuple[int, int], rng: Draws) -> Inputs:
+    """A state of {key}, after 30 steps."""
+    rows, columns = value
+    expected = yield adan_inputs(rng, [30] * rows, columns)
+    assert expected["parameters"].value.shape == value
+
+
+@case("core", "adan_step", flags=["epsilon"], each={"a_millionth": 1e-6, "a_thousandth": 1e-3, "a_thousand": 1e3})
+def gradients_of_one_age(value: float, rng: Draws) -> Inputs:
+    """Gradients of about {key}, after 7 steps."""
+    expected = yield adan_inputs(rng, [7] * 5, gradient_size=value)
+    assert expected["m"].value.all()
+
+
+DECAYS: Final = {"short": (0.5, 0.75, 0.9375), "long": (0.999, 0.995, 0.9999), "of_adam": (0.9, 0.9, 0.999)}
+
+
+@case("core", "adan_step", flags=["correction"], each=DECAYS)
+def decay_rates_of_one_age(value: tuple[float, float, float], rng: Draws) -> Inputs:
+    """Decay rates that are {key}, in the fifth step."""
+    expected = yield adan_inputs(rng, [4] * 5) | dict(zip(("beta1", "beta2", "beta3"), value, strict=True))
+    assert (expected["steps"].value == 5).all()
+
+
+@case("core", "adan_step", flags=["units"], each={"units": "units", "rates": "rates"})
+def columns_of_one_age(value: str, rng: Draws) -> Inputs:
+    """Columns that differ in their {key}, after 12 steps."""
+    inputs = adan_inputs(rng, [12] * 5, columns=8)
+    inputs[value] = inputs[value] * f4(0.5, 2, 0.25, 1, 1, 3, 5, 0.125)
+    expected = yield inputs
+    assert not np.array_equal(expected["parameters"].value, inputs["parameters"])
 
 
 @case("uncommon", "adan_step", flags=["first-step", "correction"])

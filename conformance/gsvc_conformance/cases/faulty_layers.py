@@ -8,6 +8,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Fault, Inputs, add
+from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.main_layers import BASE, LEVEL_2, SIZE, Edit, LayerPlan, covering, with_layers
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
@@ -57,6 +58,7 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
+    flags: tuple[str, ...] = ()
 
 
 LAYER_I: Final = Plan("I", 2)
@@ -232,6 +234,21 @@ FAULTY_LAYERS: Final = {
         "6 splats of the base, 3 of layer 1 and 16376 of layer 2",
         "level 1 allows 16384 together",
     ),
+    "splats_of_a_layer_that_grows": FaultyLayer(
+        (LayerPlan(0, 1, Plan("I", 3)), LayerPlan(1, 1, Plan("P", 2), _body(number=2 * 16380 + 1))),
+        "R-5-2",
+        "a base of 7 splats, and 3 of a layer that grows by 16381",
+        "level 1 allows 16384 together",
+        complete=2,
+    ),
+    "splats_of_a_layer_that_is_repeated": FaultyLayer(
+        (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)), LayerPlan(1, 1, Plan("R"))),
+        "R-5-2",
+        "a base of 2 splats grows by 3 below a layer of 16380, which is repeated",
+        "level 1 allows 16384 together",
+        (Plan("I", 2), Plan("P", 3, kind="likely")),
+        complete=2,
+    ),
     "splats_that_are_carried": FaultyLayer(
         (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),),
         "R-5-2",
@@ -296,6 +313,15 @@ FAULTY_LAYERS: Final = {
         (*SIZE.items(), ("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
         quality=1,
     ),
+    "point_of_too_many_bytes": FaultyLayer(
+        (LayerPlan(0, 1, LAYER_I, lambda p: p[:1] + bytes(2**20)),),
+        "R-5-9",
+        "a chunk of layer 1 has 2^20 + 1 bytes, and quality 1 asks for level 1",
+        "level 1 allows 2^20",
+        header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
+        quality=1,
+        flags=(CAPACITY,),
+    ),
     "lane_state": FaultyLayer(
         (LayerPlan(0, 1, Plan("I", 1, kind="likely"), _low_state),),
         "R-6.6-5",
@@ -353,6 +379,7 @@ for key, entry in FAULTY_LAYERS.items():
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
         rules=[entry.rule],
+        flags=entry.flags,
         fault=Fault(entry.lie, entry.truth),
         function=faulty_layer,
         arguments={"value": entry},
@@ -375,6 +402,12 @@ POINTS: Final[dict[str, tuple[str, Lie, str, str]]] = {
         Lie("quality_halvings", 0),
         "a frame has 600x300 pixels, and quality 0 asks for level 1",
         "level 1 allows 2^17",
+    ),
+    "too_many_bytes": (
+        "R-5-9",
+        Lie("chunk_length", 2**20 + 1, 1),
+        "a chunk claims 2^20 + 1 bytes, and quality 0 asks for level 1",
+        "level 1 allows 2^20",
     ),
 }
 """Faulty operating points of a stream of two qualities, of which the first is shown at half size."""

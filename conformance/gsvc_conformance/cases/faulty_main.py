@@ -200,6 +200,14 @@ def main_faults() -> Iterator[Broken]:
     yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame",
                  "new splats, and only the frames before the I-frame have densities", "an I-frame forgets them",
                  partial(streams, (Plan("I", 4), *EMPTY), Lie("splat_number", _flag_cleared, 1)), 2)  # fmt: skip
+    yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_of_a_p_frame_before_the_i_frame",
+                 "new splats, and the P-frame before the I-frame has the last densities", "an I-frame forgets them",
+                 partial(streams, (Plan("I", 4), Plan("P", 2), *EMPTY), Lie("splat_number", _flag_cleared, 2)),
+                 3)  # fmt: skip
+    yield Broken("R-15.5-4", kind_of("R-15.5-4"), "densities_before_the_i_frame_that_is_repeated",
+                 "new splats after an I-frame without splats and an R-frame", "an I-frame forgets the densities",
+                 partial(streams, (Plan("I", 4), Plan("I"), Plan("R"), Plan("P", 3)),
+                         Lie("splat_number", _flag_cleared, 1)), 3)  # fmt: skip
     yield Broken("R-6.4-3", kind_of("R-6.4-3"), "main_checksum", "the checksum of an I-frame is 0",
                  "it is that of its parameters",
                  partial(streams, PLANS, Lie("parameter_checksum", 0), parameter_checksum_flag=True))  # fmt: skip

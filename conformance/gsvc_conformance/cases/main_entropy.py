@@ -433,6 +433,15 @@ def counts_are_shifted_from_17_bits_on() -> Inputs:
     assert (np.diff(result(expected, "cumulative")) >= 1).all()
 
 
+@case("core", "model_frequencies", flags=["ties"], each={str(bits): bits for bits in (18, 22, 32)})
+def divided_by_the_sum_of_shifted_counts(value: int) -> Inputs:
+    """Counts of {key} bits together that are all odd: what each of them loses is missing in their sum, too."""
+    counts = np.stack([np.full(24, (1 << value) // 24 - 1 | 1), np.arange(1, 48, 2) * ((1 << value) // 1000 | 1)])
+    expected = yield {"counts": counts}
+    assert int(np.sum(counts[0])).bit_length() == int(np.sum(counts[1])).bit_length() == value
+    assert (np.diff(result(expected, "cumulative")) >= 1).all()
+
+
 @case("core", "model_frequencies", flags=["ties"])
 def rest_of_the_first_of_equal_frequencies() -> Inputs:
     """Counts of 2^17, 2^17 + 1 and 2^17 are equal once they are shifted: the first one gets the rest."""

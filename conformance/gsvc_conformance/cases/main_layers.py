@@ -203,6 +203,22 @@ def a_layer_carried_out_of_the_frame() -> Inputs:
     assert (moved[:, 0] < 0).any() or (moved[:, 0] >= 150).any()
 
 
+@case("core", "reconstruct_layers", rules=["R-15.13-2", "R-15.4-1"], flags=["clamp"])
+def a_layer_carried_to_the_ends_of_its_range() -> Inputs:
+    """Nine P-frames carry a layer by 8190 pixels each, to the right and upward: X ends at 2^24 and Y at -2^24."""
+    size = {"width": 144, "height": 16}
+    vectors = np.arange(4095, 8 * 4095 + 1, 4095)[[0, 1, 2, 3, 4, 5, 6, 7, 7], None] * [1, -1]
+    moved = MainCodes(type="P", quantizer=24, motion_cell=3, vectors=vectors[None],
+                      modes=np.zeros(1, np.int64), differences=np.zeros((1, 8), np.int64))  # fmt: skip
+    base = crowd(replace(MAIN_HEADER, **size), (25, 0), 1), *[moved] * 9
+    layer = crowd(replace(MAIN_HEADER, **size), (25, 0), 2)
+    cells = layer.new.cells + np.array([35, 0])
+    stream = with_layers(Draws(0), base, [LayerPlan(0, 1, replace(layer, new=replace(layer.new, cells=cells)))], **size)
+    expected = yield {"stream": stream, "layer": 1}
+    assert result(expected, "error") == ""
+    assert (result(expected, "parameters")[-2:, :2] == [65536, -65536]).all()
+
+
 @on("core", *QUALITY, rules=["R-15.13-2"], each={"64_pixels": 1, "32_pixels": 2, "16_pixels": 3})
 def layers_that_inherit(value: int) -> Inputs:
     """Cells of {key}: layer 1 takes the field of the base for motion and contexts, and layer 2 has one of its own."""

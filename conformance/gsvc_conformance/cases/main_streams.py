@@ -9,7 +9,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs
-from gsvc_conformance.cases.building import frames_of, on, result
+from gsvc_conformance.cases.building import Chunks, frames_of, on, operated, result
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import IntraCodes, MainCodes
@@ -309,6 +309,76 @@ def main_three_frames_of_a_clip(rng: Draws) -> Inputs:
     plans = Plan("I", 90, 30, 2), Plan("P", 4, 30, 2, 2), Plan("P", 3, 30, 2, 2, own=False)
     expected = yield {"stream": main_stream(rng, *plans, width=176, height=144, parameter_checksum_flag=True)}
     assert len(result(expected, "counts")) == 3
+
+
+@on("core", *READ, flags=["clamp"], each={"512": (512, 0b1), "1024": (1024, 0b11)})
+def main_more_than_there_are(value: tuple[int, int]) -> Inputs:
+    """Raw low bits say that the first half has more than all {key} splats: it has them all."""
+    count, low_bits = value
+    splats = crowd(MAIN_HEADER, (25, 0), count)
+
+    def edit(chunks: Chunks) -> Chunks:
+        header, (kind, payload), end = chunks
+        return [header, (kind, payload[:-1] + bytes([payload[-1] | low_bits])), end]
+
+    sound = write_stream(MAIN_HEADER, [splats], index=False)
+    stream = operated(edit, sound)
+    assert stream != sound
+    expected = yield {"stream": stream}
+    assert result(expected, "counts").tolist() == [count]
+
+
+@on("core", "reconstruct_stream", equations=["15-2", "15-5"])
+def main_every_power_of_two() -> Inputs:
+    """512 splats of class 10, whose steps of size are 1/1024 octave: l11 and l22 have all the numbers of EXP2."""
+    planes = (*PLAUSIBLE.planes[:3], Density(0, 8, 0), Density(0, 0, -4), PLAUSIBLE.planes[5])
+    codes = np.arange(-256, 256)
+    cells, colors, shapes = np.zeros((512, 2), np.int64), np.zeros((512, 3), np.int64), np.zeros((512, 3), np.int64)
+    colors[:, 0], shapes[:, 0], shapes[:, 1] = 800, codes, -256
+    new = IntraCodes(cells=cells, colors=colors, shapes=shapes, places=np.full((512, 2), 31))
+    frame = MainCodes(type="I", quantizer=24, densities=densities_for(MAIN_HEADER, planes), new=new)
+    expected = yield {"stream": write_stream(MAIN_HEADER, [frame], index=False)}
+    sides = result(expected, "parameters")[:, [2, 4]]
+    assert len(np.unique(np.where(sides < 1, 2 * sides, sides))) == 1024
+
+
+@on("core", *READ, flags=["overflow"])
+def main_counts_of_modes_beyond_17_bits() -> Inputs:
+    """1,200 splats of which each frame removes every ninth: from the third P-frame on counts are shifted."""
+    splats = crowd(MAIN_HEADER, (25, 0), 1200)
+    plans, count = [splats], 1200
+    for _ in range(4):
+        modes = np.where(np.arange(count) % 9 == 4, spec.REMOVED, 0)
+        plans.append(MainCodes(type="P", quantizer=24, modes=modes, differences=np.zeros((count, 8), np.int64)))
+        count = int(np.count_nonzero(modes == 0))
+    expected = yield {"stream": write_stream(MAIN_HEADER, plans, index=False)}
+    assert result(expected, "counts")[-1] == count
+
+
+@on("core", *READ, flags=["overflow"], each={"positions": (0, (7, 5)), "colors": (5, (6, 4, 9))})
+def main_counts_of_differences_beyond_17_bits(value: tuple[int, tuple[int, ...]]) -> Inputs:
+    """900 splats of which all {key} change in five P-frames by differences of several magnitudes."""
+    first, ends = value
+    differences = np.zeros((900, 8), np.int64)
+    for c, end in enumerate(ends, first):
+        differences[:, c] = 1 + np.arange(900) % end
+    changed = MainCodes(type="P", quantizer=24, modes=np.full(900, 1 if first == 0 else 4), differences=differences)
+    splats = crowd(MAIN_HEADER, (25, 0), 900)
+    expected = yield {"stream": write_stream(MAIN_HEADER, [splats, *[changed] * 5], index=False)}
+    assert result(expected, "counts").tolist() == [900] * 6
+
+
+@on("core", "reconstruct_stream", flags=["overflow"])
+def main_counts_of_vectors_beyond_17_bits() -> Inputs:
+    """1,125 vectors in steps of 0 to 6 in five P-frames."""
+    header = replace(MAIN_HEADER, level=2, width=720, height=400)
+    steps = np.arange(1125).reshape(25, 45)
+    vectors = np.cumsum(np.stack([steps % 7, steps % 5], axis=2), axis=1)
+    moved = MainCodes(type="P", quantizer=24, motion_cell=3, vectors=vectors,
+                      modes=np.zeros(1, np.int64), differences=np.zeros((1, 8), np.int64))  # fmt: skip
+    splat = crowd(header, (25, 0), 1)
+    expected = yield {"stream": write_stream(header, [splat, *[moved] * 5], index=False)}
+    assert result(expected, "counts").tolist() == [1] * 6
 
 
 # --- Rare and extreme ------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Cases of metrics."""
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,20 @@ def five_scales(rng: Draws) -> Inputs:
     """161x162 pixels, the least size with all five scales."""
     frame = scene(rng, 162, 161)
     expected = yield {"a": frame, "b": disturbed(rng, frame, (30, 60, 90)), "bit_depth": 8}
+    assert 0.5 < expected["ms_ssim"].value < 0.99
+
+
+FIVE_SCALES: Final = {"192x176": (176, 192, 7), "192x177": (177, 192, 7), "192x1088": (1088, 192, 7)}
+"""Rows and columns, and the rows of a scene that is repeated over them."""
+
+
+@case("core", "metrics", flags=["metric", "odd-size"], each=FIVE_SCALES)
+def five_scales_of_a_repeated_scene(rng: Draws, value: tuple[int, int, int]) -> Inputs:
+    """Five scales of {key} pixels, a scene of a few rows again and again, a pixel further to the left each time."""
+    height, width, rows = value
+    frame = scene(rng, rows, width + 1)
+    pair = (np.resize(one.reshape(-1, 3), (height, width, 3)) for one in (frame, disturbed(rng, frame, (30, 60, 90))))
+    expected = yield {**dict(zip("ab", pair, strict=True)), "bit_depth": 8}
     assert 0.5 < expected["ms_ssim"].value < 0.99
 
 

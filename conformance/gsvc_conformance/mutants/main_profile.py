@@ -5,7 +5,9 @@ from typing import Final
 from gsvc_conformance.mutants.mutant import Mutant, mutant
 
 AREA: Final = "main"
-SHIFTED: Final = "    return np.where(shift >= 0, mantissa << np.maximum(shift, 0), mantissa >> np.minimum(np.maximum(-shift, 0), 63))\n"
+SHIFTED: Final = (
+    "    return np.where(shift >= 0, mantissa << np.maximum(shift, 0), mantissa >> np.maximum(-shift, 0))\n"
+)
 AREA_OF: Final = "    v = -(A + B) >> 1\n"
 SHIFT: Final = "    s = np.maximum(bits(np.max(abs(state[:, 5:]), axis=1)) - 14, 0)\n"
 PRODUCTS: Final = "(n >> s) * k + ((n & (1 << s) - 1) * k >> s)"
@@ -23,6 +25,8 @@ TABLES: tuple[Mutant, ...] = (
         ("    shift = (v >> 10) - 15 + k\n", "    shift = np.sign(v) * (abs(v) >> 10) - 15 + k\n")),
     mutant(AREA, "exp2-table-cut-off", "a table EXP2 that is cut off in place of rounded",
         ("    return (power + 1) >> 1\n", "    return power >> 1\n")),
+    mutant(AREA, "exp2-one-number", "EXP2[771] one too large",
+        ("def exp2(v, k):\n", "EXP2[771] += 1\n\n\ndef exp2(v, k):\n")),
     mutant(AREA, "families-exchanged", "logistic and Laplace exchanged",
         ("density(edges, centre, (LOGISTIC, LAPLACE)[density_family]", "density(edges, centre, (LAPLACE, LOGISTIC)[density_family]"),
         ("window_density((LOGISTIC, LAPLACE)[density_family]", "window_density((LAPLACE, LOGISTIC)[density_family]"),
@@ -189,6 +193,8 @@ ENTROPY: tuple[Mutant, ...] = (
          "        w.append(int(w[i] * (n - i) * (i + alpha) / ((i + 1) * (n - i - 1 + alpha)) + 0.5))\n")),
     mutant(AREA, "halves-low-bits", "a raw low bit of halves from 511 on",
         ("    r = max(0, n.bit_length() - 9)\n", "    r = max(0, (n + 1).bit_length() - 9)\n")),
+    mutant(AREA, "halves-low-bits-late", "a raw low bit of halves from 513 on",
+        ("    r = max(0, n.bit_length() - 9)\n", "    r = max(0, (n - 1).bit_length() - 9)\n")),
     mutant(AREA, "halves-share-rounded", "the share of the first half rounded in place of cut off",
         ("    b = 256 * p // (p + q)\n", "    b = (256 * p + (p + q) // 2) // (p + q)\n")),
     mutant(AREA, "halves-second-share", "the centre of the second half in place of the first one",
@@ -222,6 +228,9 @@ ENTROPY: tuple[Mutant, ...] = (
         ("    counts = counts >> max(0, int(np.sum(counts)).bit_length() - 17)\n",
          "    most = np.argmax(counts)\n    counts = counts >> max(0, int(np.sum(counts)).bit_length() - 17)\n"),
         ("    f[np.argmax(f)] += TOTAL - np.sum(f)\n", "    f[most] += TOTAL - np.sum(f)\n")),
+    mutant(AREA, "counts-divided-by-their-shifted-sum", "counts divided by their sum after it is shifted",
+        ("    counts = counts >> max(0, int(np.sum(counts)).bit_length() - 17)\n    f = 1 + (TOTAL - len(counts)) * counts // np.sum(counts)\n",
+         "    whole = int(np.sum(counts))\n    r = max(0, whole.bit_length() - 17)\n    f = 1 + (TOTAL - len(counts)) * (counts >> r) // (whole >> r)\n")),
     mutant(AREA, "counts-not-shifted", "counts of more than 17 bits that are not shifted",
         ("    counts = counts >> max(0, int(np.sum(counts)).bit_length() - 17)\n", "")),
     mutant(AREA, "counts-shifted-late", "counts that are shifted from 18 bits on",
@@ -259,6 +268,9 @@ INTRA: tuple[Mutant, ...] = (
     mutant(AREA, "place-without-class", "places that do not depend on the class",
         ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
          "    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - 0 * j, -4, 2)\n")),
+    mutant(AREA, "place-of-a-bit-at-least", "places that always have a bit",
+        ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
+         "    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 1)\n")),
     mutant(AREA, "place-of-unclipped-size", "places of sizes that are not clipped first",
         ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
          "    return np.clip((((codes[0] + sign * codes[1]) * h_size(j)) >> 10) + 1 - j, -4, 2)\n")),
@@ -276,6 +288,8 @@ INTRA: tuple[Mutant, ...] = (
         ("magnitude_density(T, scale_code, centre + slope * i // 4)", "magnitude_density(T, scale_code, centre + int(slope * i / 4))")),
     mutant(AREA, "window-to-zero", "the first bin of a window rounded to zero",
         ("    first = (centre - 8 * scale) // width\n", "    first = int((centre - 8 * scale) / width)\n")),
+    mutant(AREA, "window-below-512", "a raw low bit where 16 scales are 512 codes",
+        ("    while 16 * scale > 512 * (h << r):\n", "    while 16 * scale >= 512 * (h << r):\n")),
     mutant(AREA, "densities-kept-over-i-frames", "an I-frame without densities that keeps those before it",
         ("        self.densities = None\n", "        self.densities = getattr(self, \"densities\", None)\n")),
 )  # fmt: skip
@@ -332,6 +346,13 @@ MOTION: tuple[Mutant, ...] = (
         ("np.full(count, 0 if frame_type == \"I\" else 2)", "np.full(count, 0 if frame_type == \"I\" else 1)")),
     mutant(AREA, "past-of-modes", "a past of the mode itself, 2 at most",
         ("q[stay], D), np.minimum(modes[stay], 1)\n", "q[stay], D), np.minimum(modes[stay], 2)\n")),
+    mutant(AREA, "past-not-compacted", "a past that stays in its place where splats in front of it are removed",
+        ("q[stay], D), np.minimum(modes[stay], 1)\n", "q[stay], D), np.minimum(modes, 1)[: np.sum(stay)]\n")),
+    mutant(AREA, "past-forgotten-where-repeated", "a past of 0 after an R-frame",
+        ("    frame[\"state\"] = state.main.splats\n",
+         "    else:\n        state.main.past = 0 * state.main.past\n    frame[\"state\"] = state.main.splats\n")),
+    mutant(AREA, "vectors-in-context-of-magnitudes", "contexts of V_y by the magnitude of V_x, not by its class",
+        ("        contexts = 1 + np.searchsorted([0, 2, 7], q)\n", "        contexts = 1 + np.searchsorted([0, 2, 7], magnitudes)\n")),
 )  # fmt: skip
 
 INTER: tuple[Mutant, ...] = (

@@ -94,7 +94,7 @@ def _text(value: Any) -> Any:
     """A value that differs when a definition does."""
     if isinstance(value, types.FunctionType):
         return _code(value.__code__), repr(value.__defaults__)
-    return repr(value)
+    return value.tolist() if isinstance(value, np.ndarray) else repr(value)
 
 
 def _code(code: types.CodeType) -> Any:
