@@ -200,12 +200,12 @@ def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
     if wrong < MIN_WRONG:
         return []
     mutants = sorted(mutants_for(vector), key=lambda mutant: -_share(vector, outputs, mutant))
-    tried = [_both(a, b) for place, a in enumerate(mutants[:FIRST_OF_PAIR]) for b in mutants[place + 1 :]]
+    tried = [both(a, b) for place, a in enumerate(mutants[:FIRST_OF_PAIR]) for b in mutants[place + 1 :]]
     shares = {pair: _share(vector, outputs, pair) for pair in tried}
     return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
 
 
-def _both(a: Mutant, b: Mutant) -> Mutant:
+def both(a: Mutant, b: Mutant) -> Mutant:
     return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
 
 
@@ -216,15 +216,15 @@ def gives(mutant: Mutant, failure: Failure) -> bool:
 
 def crashes(mutant: Mutant, vector: Vector) -> bool:
     """Whether a mutant ends with an error."""
-    return _answer(mutant, vector) is None
+    return answer_of(mutant, vector) is None
 
 
 def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
     """The share of wrong elements that a mutant and the implementation have in common, both ways."""
-    theirs = _answer(mutant, vector)
+    theirs = answer_of(mutant, vector)
     return 0.0 if theirs is None else share(vector, outputs, theirs)
 
 
 @lru_cache(maxsize=4096)
-def _answer(mutant: Mutant, vector: Vector) -> Values | None:
+def answer_of(mutant: Mutant, vector: Vector) -> Values | None:
     return answer(mutant, vector.operation, vector.inputs)
