@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gsvc_conformance.diagnosis import catalogue, diagnose
-from gsvc_conformance.diagnosis.catalogue import _both
+from gsvc_conformance.diagnosis.catalogue import both as _both
 from gsvc_conformance.diagnosis.places import common_condition
 from gsvc_conformance.mutants import MUTANTS, answer, called, kills
 from gsvc_conformance.vector import VECTORS

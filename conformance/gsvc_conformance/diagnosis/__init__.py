@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.diagnosis import catalogue
+from gsvc_conformance.diagnosis.attribution import MAYBE, OPEN, Attribution, attributed
 from gsvc_conformance.diagnosis.catalogue import mutants_for
 from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.looks import Look, generic_looks
@@ -29,7 +30,7 @@ __all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "is_place", "
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
-VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE)
+VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE, MAYBE)
 """Beginnings of sentences that say where errors are, not what they are."""
 
 PLACE: Final = re.compile(r" are (0|NaN|wrong|all [-+.e\d]+)( |$)|pixels left out (that lie )?beyond ")
@@ -43,6 +44,9 @@ MAX_SENTENCES: Final = 3
 
 COARSE: Final = 2.0**-6
 """Maximum relative error that may be one of arithmetic."""
+
+FEWEST: Final = 2
+"""Minimum number of errors that are said to be all answers."""
 
 ALIKE: Final = 8.0
 """Relative errors of arithmetic are alike: nine tenths are at most this many times the median."""
@@ -100,19 +104,28 @@ def diagnose(
     chosen, passed = examined(wrong), list(passed)
     looks = generic_looks(chosen, passed)
     unnamed = [failure for failure in chosen if not looks[failure.vector.id].whole]
-    accounted = {name for name, look in looks.items() if look.strong}
-    named = catalogue.named(unnamed, passed, accounted)
+    named = catalogue.named(unnamed, passed)
     if kind := kind_sentence(wrong, passed):
         return {failure.vector.id: [kind] for failure in chosen}
-    common = common_condition([*(failure.vector for failure in wrong), *errors], passed)
-    open_ones = [f for f in chosen if f.vector.id not in accounted and not named.get(f.vector.id)]
+    open_ones = [f for f in chosen if not looks[f.vector.id].strong and not named.get(f.vector.id)]
+    if several := attributed(unnamed) if open_ones and len(open_ones) >= OPEN * len(chosen) else None:
+        _attribute(several, looks, named)
+        open_ones = [failure for failure in open_ones if failure.vector.id not in several.ids]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    common = "" if several else common_condition([*(failure.vector for failure in wrong), *errors], passed)
     said = {
         failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
     }
-    never = [] if passed or failures or not errors else [_simplest(errors)]
+    never = [] if passed or failures or len(errors) < FEWEST else [_simplest(errors)]
     return said | {vector.id: alike or ([common] if common else never) for vector in errors}
+
+
+def _attribute(found: Attribution, looks: dict[str, Look], named: dict[str, list[str]]) -> None:
+    """Name what an attribution has found where nothing else is named, and where it gives all that was given."""
+    for name in found.ids:
+        if found.shares[name] == 1 or not (looks[name].strong or named.get(name)):
+            looks[name].strong, named[name] = [], [found.sentence]
 
 
 def _simplest(errors: Sequence[Vector]) -> str:

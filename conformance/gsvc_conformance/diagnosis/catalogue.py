@@ -7,7 +7,7 @@ nothing in common agree: then the report says that they end in the same refusal,
 """
 
 from collections import Counter
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Final
 
@@ -37,15 +37,6 @@ MOST: Final = 2
 MAX_ALIKE: Final = 4
 """Maximum number of mutants named of those that a failure does not tell apart."""
 
-PAIRED: Final = 3
-"""Maximum number of unexplained failures for which pairs of mutants are tried."""
-
-FIRST_OF_PAIR: Final = 2
-"""Number of mutants, those that give most, that are tried in pairs with all others."""
-
-MIN_WRONG: Final = 20
-"""Minimum number of wrong elements that a pair must explain: fewer agree with one of many pairs by chance."""
-
 MISSING: Final = 2
 """Minimum number of failures by a missing part that a mutant must explain: a part is missing for many reasons."""
 
@@ -56,22 +47,16 @@ CAPACITY: Final = "capacity"
 """The flag of vectors that are too large for mutants to be tried on them."""
 
 
-def named(
-    failures: Sequence[Failure], passed: Iterable[Vector], accounted: Container[str] = ()
-) -> dict[str, list[str]]:
+def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, list[str]]:
     """Sentences of the mutants that the failures of one operation look like, by the id of a vector; at most two each.
 
     Parameters
     ----------
     failures, passed
         As those of `diagnose`.
-    accounted
-        Ids of failures for which no two mutants at once are tried, since something else accounts for them.
     """
     passed = list(passed)
     found = {failure.vector.id: _explanations(failure) for failure in failures}
-    open_ones = [failure for failure in failures if not found[failure.vector.id] and failure.vector.id not in accounted]
-    _name_pairs(open_ones, found)
     explained = Counter(mutant for mutants in found.values() for mutant in mutants)
     fit = _fit(explained, failures, passed)
     lost = Counter(
@@ -100,10 +85,7 @@ def _fit(explained: Counter[Mutant], failures: Iterable[Failure], passed: Iterab
     """The fraction that each mutant explains of the vectors that it would fail."""
     vectors = [*passed, *(failure.vector for failure in failures)]
     foreseen = Counter(name for vector in vectors for name in vector.manifest.get("kills", ()))
-    return {
-        mutant: number / max(number, foreseen[mutant.name])  # of two mutants at once nothing is foreseen
-        for mutant, number in explained.items()
-    }
+    return {mutant: number / max(number, foreseen[mutant.name]) for mutant, number in explained.items()}
 
 
 def _tells_little(failure: Failure) -> bool:
@@ -183,29 +165,8 @@ def mutants_for(vector: Vector) -> list[Mutant]:
     return [mutant for mutant in MUTANTS if run & mutant.touched()] if run else []
 
 
-def _name_pairs(failures: Sequence[Failure], found: dict[str, list[Mutant]]) -> None:
-    """Name two mutants together for failures that none of them alone explains."""
-    pairs: list[Mutant] = []
-    for vector, outputs, _ in failures:
-        these = [pair for pair in pairs if _share(vector, outputs, pair) >= EXPLAINED]
-        if not these and len(pairs) < PAIRED:
-            these = _pairs(vector, outputs)[:1]
-            pairs += these
-        found[vector.id] = these
-
-
-def _pairs(vector: Vector, outputs: Values) -> list[Mutant]:
-    """The pairs of mutants that explain a failure, the best first."""
-    wrong = sum(count(vector.expected[name], outputs.get(name)) for name in wrong_outputs(vector, outputs))
-    if wrong < MIN_WRONG:
-        return []
-    mutants = sorted(mutants_for(vector), key=lambda mutant: -_share(vector, outputs, mutant))
-    tried = [_both(a, b) for place, a in enumerate(mutants[:FIRST_OF_PAIR]) for b in mutants[place + 1 :]]
-    shares = {pair: _share(vector, outputs, pair) for pair in tried}
-    return sorted((pair for pair in tried if shares[pair] >= EXPLAINED), key=lambda pair: -shares[pair])
-
-
-def _both(a: Mutant, b: Mutant) -> Mutant:
+def both(a: Mutant, b: Mutant) -> Mutant:
+    """Two mutants as one."""
     return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)
 
 
@@ -216,15 +177,16 @@ def gives(mutant: Mutant, failure: Failure) -> bool:
 
 def crashes(mutant: Mutant, vector: Vector) -> bool:
     """Whether a mutant ends with an error."""
-    return _answer(mutant, vector) is None
+    return answer_of(mutant, vector) is None
 
 
 def _share(vector: Vector, outputs: Values, mutant: Mutant) -> float:
     """The share of wrong elements that a mutant and the implementation have in common, both ways."""
-    theirs = _answer(mutant, vector)
+    theirs = answer_of(mutant, vector)
     return 0.0 if theirs is None else share(vector, outputs, theirs)
 
 
 @lru_cache(maxsize=4096)
-def _answer(mutant: Mutant, vector: Vector) -> Values | None:
+def answer_of(mutant: Mutant, vector: Vector) -> Values | None:
+    """The outputs of a mutant; None if it crashes or hangs."""
     return answer(mutant, vector.operation, vector.inputs)

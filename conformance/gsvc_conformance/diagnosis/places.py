@@ -22,6 +22,12 @@ FEWEST: Final = 3
 MIN_OF_TWO: Final = 4
 """Minimum number of vectors for two things that they have in common only together."""
 
+NEARLY_ALL: Final = 0.9
+"""Where more of the vectors that expect anything fail, what they have in common says nothing."""
+
+OTHER_THAN: Final = " other than "
+"""Words of a condition that says too little to be one of two."""
+
 Meets = Callable[[Mapping[str, Any]], bool]
 Shared = tuple[str, Meets]
 """A condition in words, and as a function of a vector's features."""
@@ -168,7 +174,7 @@ def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
 
     One condition if there is one, or two together where vectors are many.
     """
-    if len(failed) < FEWEST or len(passed) < FEWEST:
+    if len(failed) < FEWEST or len(passed) < FEWEST or len(failed) > NEARLY_ALL * (len(failed) + sum(map(_varied, passed))):
         return ""
     bad, good = ([_features(vector) for vector in vectors] for vectors in (failed, passed))
     met = [(words, {place for place, features in enumerate(good) if meets(features)})
@@ -176,11 +182,18 @@ def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
     if alone := [words for words, others in met if not others]:
         return f"only vectors {alone[0]} fail"
     if min(len(failed), len(passed)) >= MIN_OF_TWO:
+        met = [(words, others) for words, others in met if OTHER_THAN not in words]
         for place, (a, others) in enumerate(met):
             for b, more in met[place + 1 :]:
                 if not others & more:
                     return f"only vectors {a} and {b} fail"
     return ""
+
+
+def _varied(vector: Vector) -> bool:
+    """Whether any array that a vector expects has different elements."""
+    arrays = [expectation.value for expectation in vector.expected.values()]
+    return any(isinstance(array, np.ndarray) and array.size > 0 and (array != array.flat[0]).any() for array in arrays)
 
 
 def _shared_conditions(bad: Sequence[Mapping[str, Any]], good: Sequence[Mapping[str, Any]]) -> Iterator[Shared]:
@@ -202,7 +215,7 @@ def _shared_conditions(bad: Sequence[Mapping[str, Any]], good: Sequence[Mapping[
             yield f"with {name} below {min(higher)}", _below(name, min(higher))
         if there and len(here) > 1 and (rest := Counter(value for value in there if value not in here)):
             value = rest.most_common(1)[0][0]
-            yield f"with {name} other than {value}", _differs(name, value)
+            yield f"with {name}{OTHER_THAN}{value}", _differs(name, value)
 
 
 def _equals(name: str, value: Any) -> Meets:

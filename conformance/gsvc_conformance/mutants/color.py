@@ -81,6 +81,13 @@ MUTANTS: tuple[Mutant, ...] = (
          "    even = np.pad(plane, ((height % 2, 0), (width % 2, 0)))\n")),
     mutant(METRICS, "ms-ssim-odd-sizes-cut", "the last row and column of odd sizes dropped",
         ('even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")', "even = plane[: height // 2 * 2, : width // 2 * 2]")),
+    *(
+        mutant(METRICS, name, f"a row and column of zeros {where} odd sides before they are halved",
+            ('even = np.pad(plane, ((0, height % 2), (0, width % 2)), mode="edge")', f"even = np.pad(plane, {padding})"))
+        for name, where, padding in (
+            ("ms-ssim-zeros-behind", "behind", "((0, height % 2), (0, width % 2))"),
+            ("ms-ssim-zeros-in-front", "in front of", "((height % 2, 0), (width % 2, 0))"))
+    ),
     mutant(METRICS, "ms-ssim-too-many-scales", "a scale more than the size allows",
         ("while scales < 5 and side >= WINDOW_SIZE:", "while scales < 5 and side >= WINDOW_SIZE - 5:")),
     mutant(METRICS, "ms-ssim-weights-not-divided", "weights of fewer scales that do not add up to 1",
@@ -93,6 +100,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ("return np.mean(luminance * structure), np.mean(structure)",
          "return np.mean(luminance) * np.mean(structure), np.mean(structure)")),
     mutant(METRICS, "ms-ssim-window-8", "a window of 8 taps", ("WINDOW_SIZE = 11", "WINDOW_SIZE = 8")),
+    mutant(METRICS, "ms-ssim-window-7", "a window of 7 taps", ("WINDOW_SIZE = 11", "WINDOW_SIZE = 7")),
+    mutant(METRICS, "ms-ssim-deviation-1", "a window with a deviation of 1", ("WINDOW_DEVIATION = 1.5", "WINDOW_DEVIATION = 1.0")),
     mutant(METRICS, "ms-ssim-box-window", "a box in place of the Gaussian window",
         ("weights = np.exp(-(offsets**2) / (2 * WINDOW_DEVIATION**2))", "weights = np.ones(taps)")),
     mutant(METRICS, "ms-ssim-sample-variance", "variances divided by n - 1",

@@ -4,12 +4,37 @@ from gsvc_conformance.mutants.mutant import Mutant, mutant
 
 AREA = "gradients"
 
+
+def _by_the_conic(factor: float) -> tuple[tuple[str, str], ...]:
+    """The gradient of L through the inverse covariance, whose off-diagonal entry has a gradient `factor` times too large."""
+    return (
+        ("of_l11 = np.sum(q * v1 * u1)",
+         "a, b, c = ((l21 * l21 + l22 * l22) / (l11 * l22) ** 2, -l21 / (l11 * l22 * l22), 1 / (l22 * l22))\n"
+         f"    extra = {factor - 1} * np.sum(q * l11 * u1 * (l21 * u1 + l22 * u2))\n"
+         "    of_l11 = np.sum(q * v1 * u1) + extra * (2 * a * b * l11 + (b * b + a * c) * l21)"),
+        ("of_l21 = np.sum(q * v2 * u1)", "of_l21 = np.sum(q * v2 * u1) + extra * ((b * b + a * c) * l11 + 2 * b * c * l21)"),
+        ("of_l22 = np.sum(q * v2 * u2)", "of_l22 = np.sum(q * v2 * u2) + extra * 2 * b * c * l22"),
+    )  # fmt: skip
+
+
 MUTANTS: tuple[Mutant, ...] = (
     mutant(
         AREA, "off-diagonal-counted-twice",
         "the gradient of l11 and l21 through a symmetric covariance whose off-diagonal entry is counted twice",
         ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * (v1 * u1 + l21 * v1 * v2))"),
         ("of_l21 = np.sum(q * v2 * u1)", "of_l21 = np.sum(q * (v2 * u1 + l11 * v1 * v2))"),
+    ),
+    *(
+        mutant(AREA, name, f"the gradient of L by way of the conic, with {mistake}", *_by_the_conic(factor))
+        for name, mistake, factor in (
+            ("conic-y-halved", "half the gradient of the conic's off-diagonal entry", 0.5),
+            ("conic-off-diagonal-doubled", "the conic's off-diagonal entry counted twice", 2.0))
+    ),
+    mutant(
+        AREA, "off-diagonal-halved",
+        "the gradient of L by way of the covariance, with half the gradient of its off-diagonal entry",
+        ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * (v1 * u1 - l21 * v1 * v2 / 2))"),
+        ("of_l21 = np.sum(q * v2 * u1)", "of_l21 = np.sum(q * (v2 * u1 - l11 * v1 * v2 / 2))"),
     ),
     mutant(
         AREA, "l21-gradient-doubled", "the gradient of l21 taken twice",

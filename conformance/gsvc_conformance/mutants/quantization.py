@@ -31,6 +31,8 @@ MUTANTS: tuple[Mutant, ...] = (
         ("below = t < 0\n    above = t > largest", "below = t <= 0\n    above = t >= largest")),
     mutant(AREA, "lsq-gradient-not-stopped", "gradients that pass through the clamp",
         ("of_x = np.where(inside, 1.0, 0.0)", "of_x = np.where(inside, 1.0, 1.0)")),
+    mutant(AREA, "lsq-gradient-by-scale", "the gradient of x as (g s) / s, as automatic differentiation gives",
+        ('"grad_x": (grad * of_x).astype(np.float32)', '"grad_x": (grad_output * scale / scale * of_x).astype(np.float32)')),
     mutant(AREA, "lsq-gradient-scale-q", "dL/ds by q in place of q - t",
         ("of_scale = np.where(inside, q - t, 0.0)", "of_scale = np.where(inside, q, 0.0)")),
     mutant(AREA, "lsq-gradient-scale-sign", "dL/ds by t - q",

@@ -18,6 +18,15 @@ BOUNDED: tuple[Mutant, ...] = (
         ("d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x", "d_y = np.arange(top, bottom)[:, None] - y\n        u1 = d_x")),
     mutant(AREA, "pixel-centre-x-only", "pixel centres at integer rows",
         ("d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x", "d_y = np.arange(top, bottom)[:, None] - y\n        u1 = d_x")),
+    mutant(AREA, "grid-with-both-ends", "pixels on a grid from 0 to W and 0 to H with both ends (linspace, align_corners)",
+        ("d_x = np.arange(left, right) + 0.5 - x",
+         "left, right = max(left - 1, 0), min(right + 1, width)\n        top, bottom = max(top - 1, 0), min(bottom + 1, height)\n"
+         "        d_x = np.arange(left, right) * (width / max(width - 1, 1)) - x"),
+        ("d_y = np.arange(top, bottom)[:, None] + 0.5 - y\n        u1 = d_x",
+         "d_y = np.arange(top, bottom)[:, None] * (height / max(height - 1, 1)) - y\n        u1 = d_x")),
+    mutant(AREA, "scales-and-angle", "l11 and l22 taken for scales, and l21 for the angle of their axes",
+        ("u1 = d_x / l11\n        u2 = (d_y - l21 * u1) / l22",
+         "u1 = (math.cos(l21) * d_x + math.sin(l21) * d_y) / l11\n        u2 = (math.cos(l21) * d_y - math.sin(l21) * d_x) / l22")),
     mutant(AREA, "support-1-256", "a cut at a weight of 1/256",
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.where(sigma <= 5.545177444479562, np.exp(-sigma), 0.0)"),
         ("reach = boxes(parameters, width, height, SUPPORT_RADIUS)", "reach = boxes(parameters, width, height, 3.4)")),
@@ -48,6 +57,12 @@ BOUNDED: tuple[Mutant, ...] = (
          "        near = (columns >= (x - 0.5 - side) // 16) & (columns <= (x - 0.5 + side) // 16)\n"
          "        near = near & (rows >= (y - 0.5 - side) // 16) & (rows <= (y - 0.5 + side) // 16)\n"
          "        g = np.where((sigma <= LN_255) & near, np.exp(-sigma), 0.0)")),
+    mutant(AREA, "support-disc", "a disc of three standard deviations of the longer axis as the support, without a cut by weight",
+        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)",
+         "half = (l11 * l11 + l21 * l21 + l22 * l22) / 2\n"
+         "        longer = half + np.hypot((l11 * l11 - l21 * l21 - l22 * l22) / 2, l11 * l21)\n"
+         "        g = np.where(d_x * d_x + d_y * d_y <= 9 * longer, np.exp(-sigma), 0.0)"),
+        ("reach = boxes(parameters, width, height, SUPPORT_RADIUS)", "reach = boxes(parameters, width, height, 20.0)")),
     mutant(AREA, "support-box-alone", "the bounding box of the ellipse as the support",
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.exp(-sigma)")),
     mutant(AREA, "first-256-splats", "the first 256 splats of a pixel only",
@@ -71,8 +86,11 @@ BOUNDED: tuple[Mutant, ...] = (
         ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)",
          "g = np.where((sigma <= LN_255) & (l11 * l22 > 0.1), np.exp(-sigma), 0.0)")),
     mutant(AREA, "low-pass", "0.3 added to the variances, as in 3D splatting",
-        ("u1 = d_x / l11\n        u2 = (d_y - l21 * u1) / l22",
-         "old = l11\n        l11 = np.sqrt(l11 * l11 + 0.3)\n        l21 = l21 * old / l11\n        u1 = d_x / l11\n        u2 = (d_y - l21 * u1) / l22")),
+        ("        if left == right or top == bottom:\n            continue\n        x, y, l11, l21, l22 = splat[:5]\n",
+         "        if left == right or top == bottom:\n            continue\n        left, right = max(left - 2, 0), min(right + 2, width)\n"
+         "        top, bottom = max(top - 2, 0), min(bottom + 2, height)\n        x, y, l11, l21, l22 = splat[:5]\n"
+         "        a, b, c = l11 * l11 + 0.3, l11 * l21, l21 * l21 + l22 * l22 + 0.3\n"
+         "        l11, l21, l22 = np.sqrt(a), b / np.sqrt(a), np.sqrt(c - b * b / a)\n")),
     mutant(AREA, "sigma-not-halved", "exp(-u.u) in place of exp(-u.u/2)",
         ("sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)", "sigma = u1 * u1 + u2 * u2")),
     mutant(AREA, "l21-sign", "l21 with the wrong sign", ("u2 = (d_y - l21 * u1) / l22\n        sigma", "u2 = (d_y + l21 * u1) / l22\n        sigma")),
@@ -118,6 +136,16 @@ BOUNDED: tuple[Mutant, ...] = (
         ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
          "        C[top:bottom, left:right] *= 1 - g[:, :, None]\n"
          "        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]\n")),
+    *(
+        mutant(AREA, name, sentence,
+            ("    C = np.zeros((height, width, 3))\n    reach", "    C = np.zeros((height, width, 3))\n    left_over = np.ones((height, width, 1))\n    reach"),
+            ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
+             "        C[top:bottom, left:right] += left_over[top:bottom, left:right] * g[:, :, None] * splat[5:8]\n"
+             f"        left_over[top:bottom, left:right] *= 1 - g[:, :, None]\n{behind}"))
+        for name, sentence, behind in (
+            ("blended-front-to-back", "splats blended front to back with a transmittance, in place of added", ""),
+            ("blended-over-white", "splats blended front to back over a white background", "    C = C + left_over\n"))
+    ),
     mutant(AREA, "normalised", "the sum divided by the sum of the weights",
         ("    C = np.zeros((height, width, 3))\n    reach", "    C = np.zeros((height, width, 3))\n    total = np.zeros((height, width, 1))\n    reach"),
         ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
@@ -138,8 +166,11 @@ BOUNDED: tuple[Mutant, ...] = (
         ("    C = np.zeros((height, width, 3))\n    reach", "    C = np.zeros((height, width, 3)) + (len(parameters) == 0)\n    reach")),
     mutant(AREA, "half-precision-sum", "sums in binary16",
         ('        return {"sum": C.astype(np.float32)}', '        return {"sum": C.astype(np.float16).astype(np.float32)}')),
-    mutant(AREA, "opacity-capped", "weights capped at 0.99, as in 3D splatting",
-        ("g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)", "g = np.where(sigma <= LN_255, np.minimum(np.exp(-sigma), 0.99), 0.0)")),
+    *(
+        mutant(AREA, name, f"weights capped at {cap}, as in {whose}",
+            ("sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)", f"sigma = np.maximum((u1 * u1 + u2 * u2) / 2, -math.log({cap}))"))
+        for name, cap, whose in (("opacity-capped", 0.99, "3D splatting"), ("opacity-capped-later", 0.999, "gsplat"))
+    ),
     mutant(AREA, "transmittance-stop", "splats after a sum of 1 left out",
         ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
          "        open_ = np.max(C[top:bottom, left:right], axis=2, keepdims=True) < 1\n"
@@ -191,6 +222,23 @@ LARGE: tuple[Mutant, ...] = (
         mutant(AREA, f"first-{most}-splats", f"the first {most} splats only",
             (BOUNDED_SPLATS, BOUNDED_SPLATS.replace("float64)", f"float64)[:{most}]")))
         for most in (1024, 8192)
+    ),
+    *(
+        mutant(AREA, name, sentence,
+            ("    C = np.zeros((height, width, 3))\n    reach", "    C = np.zeros((height, width, 3))\n    touched = [np.zeros(0, np.int64)]\n    reach"),
+            ("        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]  # (9-2)\n",
+             "        C[top:bottom, left:right] += g[:, :, None] * splat[5:8]\n"
+             f"        touched.append(np.unique(({TILES})[g > 0]))\n"
+             "    touched = np.concatenate(touched)\n"
+             "    tiles = np.arange(height)[:, None] // 16 * (-(-width // 16)) + np.arange(width) // 16\n"
+             f"    C[{lost}] = 0\n"))
+        for name, sentence, lost in (
+            ("tiles-as-many-as-pairs", "tiles of 16x16 left out whose number is not below the number of (splat, tile) pairs",
+             "tiles >= len(touched)"),
+            ("tiles-first-lost", "the first tile of 16x16 that a splat touches left out (where its list begins is never written)",
+             "tiles == min(touched, default=-1)"),
+            ("tiles-last-lost", "the last tile of 16x16 that a splat touches left out (where its list ends is never written)",
+             "tiles == max(touched, default=-1)"))
     ),
     mutant(AREA, "support-20-steps-above", "an edge 20 units in the last place beyond ln 255",
         ("LN_255 = 5.541263545158426", "LN_255 = 5.541263545158426 + 20 * 2.0**-21")),
