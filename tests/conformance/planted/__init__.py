@@ -33,6 +33,7 @@ from gsvc_conformance import spec
 from gsvc_conformance.causes import MEND, Causes
 from gsvc_conformance.diagnosis import VAGUE
 from gsvc_conformance.implementations import ModuleImplementation
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.report.console import WHERE, begin_lines, cause_lines
 from gsvc_conformance.results import Report
 from gsvc_conformance.runner import Judged, judge_vector
@@ -42,7 +43,15 @@ from gsvc_conformance.vector_folder import VectorFolder
 Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
 Known = Literal["older", "newer", "reported", "third", "unchecked", "peers", "autograd"]
 Part = Literal[
-    "tuned", "held back", "new, tuned", "new, held back", "reported", "third, held back", "unchecked", "peers", "autograd"
+    "tuned",
+    "held back",
+    "new, tuned",
+    "new, held back",
+    "reported",
+    "third, held back",
+    "unchecked",
+    "peers",
+    "autograd",
 ]
 Function = Callable[..., dict[str, Any]]
 Patch = spec.Patch
@@ -50,8 +59,14 @@ Patch = spec.Patch
 
 COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
 """How often a sentence is said, behind it."""
+RIGHT_ONES: Final = re.compile(r"; [^;]* (is|are) right$")
+"""What a sentence about a place says of the other outputs."""
 HEDGES: Final = re.compile(rf"could be|need not be yours|{MEND}|^a legal stream refused|^a refusal of another kind")
 """What a sentence has that gives no cause for sure, but for places (`VAGUE`, `WHERE`)."""
+SHAPES: Final = "only vectors "
+"""What a cause by shapes begins with: a place in the lists without `near`; in the others it is nonsense unless it is near."""
+CONFORMS: Final = "nothing is wrong"
+"""What is right to say of an implementation that conforms, if at least half of the vectors can be asked."""
 MAX_ELEMENTS: Final = 2**17
 """Elements of the inputs and outputs of a vector of profile `main`, at most: larger ones take a patched spec.md too long."""
 
@@ -91,15 +106,17 @@ class Planted:
     @property
     def held_back(self) -> bool:
         """Whether it is in the part of its list that was not looked at."""
-        if self.known == "older":
-            return zlib.crc32(self.name.encode()) % 3 == 0
-        return self.known == "third" or self.known == "newer" and zlib.crc32(self.name.encode()) % 2 == 1
+        return self.part.endswith("held back")
 
     @property
     def part(self) -> Part:
         """The part of the lists that it is in."""
-        parts = {"older": ("tuned", "held back"), "newer": ("new, tuned", "new, held back"), "third": 2 * ("third, held back",)}
-        return parts.get(self.known, 2 * (self.known,))[self.held_back]
+        number = zlib.crc32(self.name.encode())
+        if self.known == "older":
+            return "tuned" if number % 3 else "held back"
+        if self.known == "newer":
+            return "new, held back" if number % 2 else "new, tuned"
+        return "third, held back" if self.known == "third" else self.known
 
 
 @dataclass(frozen=True)
@@ -158,7 +175,9 @@ def vectors_of(operation: str, profile: str = "", tier: str = "") -> tuple[Vecto
     folder = VectorFolder(VECTORS)
     names = [name for name in folder.names if name.split("/")[1] == operation and name.startswith(tier)]
     vectors = folder.read(names)
-    return tuple(vector for vector in vectors if not profile or vector.profile in (profile, "any") and _is_small(vector))
+    return tuple(
+        vector for vector in vectors if not profile or (vector.profile in (profile, ANY) and _is_small(vector))
+    )
 
 
 def _is_small(vector: Vector) -> bool:
@@ -190,7 +209,9 @@ def said(mutant: Planted) -> Said:
         results.append(entry.result)
     report = Report({}, "", "", [], causes.find(results)[0])
     if not report.faults:
-        return Said(mutant, "not caught", ())
+        asked = sum(result.outcome == "pass" for result in results)
+        lines = (f"{CONFORMS}; {asked} of {len(results)} vectors can be asked",) if mutant.right == CONFORMS else ()
+        return Said(mutant, "not caught" if not lines else "right" if 2 * asked >= len(results) else "nothing", lines)
     lines, begin = tuple(cause_lines(report)), begin_lines(report)[-1]
     return Said(mutant, verdict(mutant, lines, begin), lines, begin)
 
@@ -200,12 +221,16 @@ def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict
     texts = [COUNTS.sub("", line) for line in lines]
     if texts and re.search(mutant.right, texts[0]):
         return "right"
-    sure = [text for text in texts if not text.startswith((*VAGUE, WHERE)) and not HEDGES.search(text)]
+    vague = (*VAGUE, WHERE) if not mutant.near else (*(start for start in VAGUE if start != SHAPES), WHERE)
+    sure = [text for text in texts if not text.startswith(vague) and not HEDGES.search(text)]
     if sure and (sure[0] == texts[0] or not re.search(f"{mutant.right}|{mutant.near}", sure[0])):
         return "wrong"
-    if texts and not mutant.near or mutant.near and re.search(mutant.near, "\n".join([*lines, begin])):
-        return "place"
-    return "nothing"
+    near = (
+        re.search(mutant.near, "\n".join([*(RIGHT_ONES.sub("", text) for text in texts), begin]))
+        if mutant.near
+        else texts
+    )
+    return "place" if near else "nothing"
 
 
 @cache
@@ -234,7 +259,8 @@ def rows(found: Iterable[Said]) -> list[tuple[str, list[int]]]:
         of_part = [one for one in found if one.mutant.part == part]
         areas = list(dict.fromkeys(one.mutant.area for one in of_part))
         if len(areas) > 1:
-            table += [(f"{part}, {area}", _counts([one for one in of_part if one.mutant.area == area])) for area in areas]
+            by_area = {area: [one for one in of_part if one.mutant.area == area] for area in areas}
+            table += [(f"{part}, {area}", _counts(own)) for area, own in by_area.items()]
         if of_part:
             table.append((f"{part}, all", _counts(of_part)))
     return [*table, ("all", _counts(found))]

@@ -6,9 +6,8 @@ Each `right` and `near` was written before the report on the fault was looked at
 import re
 from functools import partial
 
-from planted import Planted, Patch
-
 from gsvc_conformance import spec
+from planted import Patch, Planted
 
 AREA = "main"
 STREAMS = ("read_main_stream", "reconstruct_stream", "reconstruct_layers", "decode_stream_deterministic", "seek")
@@ -31,7 +30,7 @@ def _functions(patches):
 
 reported = partial(fault, known="reported")
 
-ADAPTED = '    for model in main.models.values():\n        adapt(model)\n    yield add'
+ADAPTED = "    for model in main.models.values():\n        adapt(model)\n    yield add"
 OUTSIDE = "(X < 0) | (X >= 256 * size[0]) | (Y < 0)"
 RAW = "            bits = self.string[self.at : self.at + size]\n            values[i] = sum(int(bit) << k for k, bit in enumerate(bits))\n"
 FREQUENCIES = (
@@ -46,7 +45,7 @@ REPORTED = (
         ("state.last_i_frame >= I_FRAME_SECONDS * k:", "state.last_i_frame > I_FRAME_SECONDS * k:")),
     reported("lanes go on from pass to pass", r"(?i)lane of the last|go on with|passes? .*lane|first wrong symbol.*lane", r"lane",
         ("        self.passes += 1\n        self.place = 0\n", "        self.passes += 1\n")),
-    reported("carried layers left where they are", r"(?i)carried|(move|motion).*layer|layer.*(move|motion|stay)", r"carried|layer",
+    reported("carried layers left where they are", r"(?i)carried|(move|motion).*layer|layer.*(move|motion|stay)", r"carried",
         ("    motion = field_motion(main.splats, field, side) if side > 0 else np.zeros((len(main.splats), 2), np.int64)\n    other.splats",
          "    motion = np.zeros((len(main.splats), 2), np.int64)\n    other.splats")),
     reported("g_s of any size", r"(?i)g_s .*max|g_s", r"main_inter",
@@ -62,7 +61,7 @@ REPORTED = (
     reported("motion rounded toward zero", r"(?i)toward zero|to zero|negative|rounded", r"motion_of_splats",
         ("    return ((64 - h) * upper + h * lower + 32) >> 6\n",
          "    total = (64 - h) * upper + h * lower + 32\n    return np.sign(total) * (abs(total) >> 6)\n")),
-    reported("raw values above 14 bits upper part first", r"(?i)(raw|low) (bits|values?)|14 bits|bits of .*order", r"errors in n0|n0|main_late|low_bits|late bits|colou?rs?",
+    reported("raw values above 14 bits upper part first", r"(?i)(raw|low) (bits|values?)|14 bits|bits of .*order", r"\bn0\b|late",
         (RAW, "            bits = self.string[self.at : self.at + size]\n            bits = np.roll(bits, -max(0, size - 14))\n"
               "            values[i] = sum(int(bit) << k for k, bit in enumerate(bits))\n")),
     reported("low bits of halves by n, not n + 1", r"(?i)raw low bit|low.?bits.*(halves|512|511)|one less.*low_bits", r"half_frequencies|low_bits",
@@ -84,7 +83,7 @@ REPORTED = (
         ("    while 16 * scale > 512 * (h << r):\n", "    while 16 * scale >= 512 * (h << r):\n")),
     reported("R-frames forget the past", r"(?i)R-frame|past|repeat", r"(?i)repeat|main_past|past_of|R-frame|mode_contexts|modes",
         ('    frame["state"] = state.main.splats\n', '    if frame_type == "R":\n        state.main.past = np.zeros_like(state.main.past)\n    frame["state"] = state.main.splats\n')),
-    reported("second halves in front", r"(?i)order of (the )?halves|halv|second half|cells", r"(?i)halv|cells?\b|\bX, Y\b|symbols",
+    reported("second halves in front", r"(?i)order of (the )?halves|halv|second half|cells", r"(?i)halv|cells?\b|\bX, Y\b",
         ("            both += [(origin, k), (tuple(other), n - k)]\n", "            both += [(tuple(other), n - k), (origin, k)]\n")),
     reported("one entry of EXP2 one larger", r"EXP2|(?i:table).*771|1 entr", r"EXP2|state_parameters|771",
         (spec.SLOW, repr([value + (number == 771) for number, value in enumerate(spec.namespace()["EXP2"].tolist())]))),
@@ -97,12 +96,12 @@ THIRD = (
         ('        number(S, abs(S) * EXP2[B & 1023], (B >> 10) - 25),\n', '        number(1, abs(S) * EXP2[B & 1023], (B >> 10) - 25),\n')),
     fault("groups of words not summed up", r"(?i)group|word_count|prefix|sum", r"(?i)groups_of_lanes|R-15\.6-5|word_count|words? of",
         ("            self.ends.append(self.ends[-1] + word_count)\n", "            self.ends.append(word_count)\n")),
-    fault("late bits from the upper half of states", r"(?i)late bits|final states|upper|end.?states", r"(?i)late|colou?rs?|signs?",
+    fault("late bits from the upper half of states", r"(?i)late bits|final states|upper|end.?states", r"(?i)late|signs?",
         ('        halves = b"".join((x % 2**16).to_bytes(2, "little") for x in self.states[:carried])\n',
          '        halves = b"".join((x >> 16).to_bytes(2, "little") for x in self.states[:carried])\n')),
     fault("raw values that begin at a byte", r"(?i)raw|align|at a byte|byte boundar", r"(?i)raw|low bits|tail",
         ("            self.at += int(size)\n        return values\n", "            self.at += int(size)\n        self.at += -self.at % 8\n        return values\n")),
-    fault("low bits from class 5 on", r"(?i)class(es)? .*(4|5)|low bits|magnitude", r"(?i)low bits|magnitude|class",
+    fault("low bits from class 5 on", r"(?i)class(es)? .*(4|5)|low bits|magnitude", r"(?i)low bits|magnitude",
         ("    return np.where(q < 4, 0, q // 2 - 1)\n", "    return np.where(q < 5, 0, q // 2 - 1)\n")),
     fault("counts of models in 16 bits", r"(?i)16 bits|2\^16|65536|wrap", r"adapt_model",
         ('    model["counts"][used] = c - (c + 7 >> 3) + 64 * model["seen"][used]\n',
@@ -118,7 +117,7 @@ THIRD = (
         ("    return 1477 >> j\n", "    return 1477 + (1 << j >> 1) >> j\n")),
     fault("steps of position up to 2^17", r"(?i)2\^17|maximum|131072|step of position|largest", r"main_inter",
         ("STEP_MOST = 2**17 - 1\n", "STEP_MOST = 2**17\n")),
-    fault("contexts of third components by 0 and 1", r"(?i)context|component", r"(?i)differences|third|component|models?\b|symbol",
+    fault("contexts of third components by 0 and 1", r"(?i)context|component", r"(?i)differences|third|component",
         ("3 * (i - 1) + 1 + np.minimum(before, 2) if i > 0", "3 * (i - 1) + 1 + np.minimum(before, 3 - i) if i > 0")),
     fault("contexts of V_y from 0, 2 and 7 on", r"(?i)context.*(V_y|vector|y)|V_y|threshold", r"(?i)fields?|vectors?|motion",
         ("        contexts = 1 + np.searchsorted([0, 2, 7], q)\n", '        contexts = 1 + np.searchsorted([0, 2, 7], q, side="right").clip(0, 3)\n')),
@@ -129,11 +128,11 @@ THIRD = (
     fault("a quantizer from the frame after", r"(?i)quanti[sz]er", r"(?i)quanti[sz]er|bodies|\bD\b",
         ('    main.quantizer = body["quantizer"]\n    count = present = 0\n',
          '    due = body["quantizer"]\n    if frame_type == "P":\n        body["quantizer"] = main.quantizer\n    main.quantizer = due\n    count = present = 0\n')),
-    fault("models of a layer outlive its I", r"(?i)layer.*(model|I\b)|model.*(layer|I-frame|set back|kept)", r"(?i)layers_have_models|layer",
+    fault("models of a layer outlive its I", r"(?i)layer.*(model|I\b)|model.*(layer|I-frame|set back|kept)", r"(?i)model",
         ("    main = copied(layers.before[layer]) if layer_type != \"I\" else MainState()\n",
          "    main = copied(layers.before[layer]) if layer in layers.before else MainState()\n    if layer_type == \"I\":\n"
          "        kept = main.models\n        main.forget()\n        main.models = kept\n")),
-    fault("bits of layer_mask from the other end", r"(?i)layer_mask|mask", r"(?i)R-15\.13-[16]|layer",
+    fault("bits of layer_mask from the other end", r"(?i)layer_mask|mask", r"R-15\.13-[16]|mask",
         ('if frame["layer_mask"] >> layer & 1]', 'if frame["layer_mask"] >> 4 - layer & 1]')),
     fault("halvings in front of levels", r"(?i)quality_(level|halvings)|operating point|halvings?", r"(?i)R-3\.2-1|R-5-[69]|quality|operating",
         ('        quality_level = header[f"quality_level[{q}]"] = p.u(3)\n        bits.append(p.element)\n        if quality_level not in LEVELS:  # R-3.2-1\n'
@@ -145,14 +144,14 @@ THIRD = (
     fault("parameter checksums of I-frames alone compared", r"(?i)parameter.?checksum|R-6\.4-3", r"6_4_3|checksum",
         ("    if stated is not None and stated != parameter_checksum(parameters)",
          "    if frame_type == \"I\" and stated is not None and stated != parameter_checksum(parameters)")),
-    fault("first lane's state alone checked", r"(?i)lane.?state|states? .*2\^16|R-6\.6-5|too low", r"6_6_5|state|lane",
+    fault("first lane's state alone checked", r"(?i)lane.?state|states? .*2\^16|R-6\.6-5|too low", r"6_6_5|lane_state",
         ("        for _ in range(lanes):\n            self.states.append(p.le(4))\n            if self.states[-1] < LOWEST_STATE:",
          "        for lane in range(lanes):\n            self.states.append(p.le(4))\n            if lane == 0 and self.states[-1] < LOWEST_STATE:")),
     fault("offsets of an index that may stand still", r"(?i)\bindex|R-6\.7-1|offset", r"index|6_7_1",
         ("(frame_number_step > 0 and offset_step > 0)", "(frame_number_step > 0)")),
-    fault("layers counted as frames by hopping", r"(?i)hop|seek.*layer|layer.*(frame|count)|chunks? .*counted", r"seek",
+    fault("layers counted as frames by hopping", r"(?i)hop|seek.*layer|layer.*(frame|count)|chunks? .*counted", r"(?i)seek.*layer|hop"",
         ("    state.next_number += chunk_type in FRAMES\n    size", '    state.next_number += chunk_type in FRAMES + "n"\n    size')),
-    fault("key frames counted from frame 0 after a seek", r"(?i)R-5-8|second|pace|seek", r"seek",
+    fault("key frames counted from frame 0 after a seek", r"(?i)R-5-8|second|pace", r"R-5-8|5_8"",
         ("    state.frames_counted = None  # the sums of a second are not known\n",
          "    state.frames_counted, state.second = state.next_number, [dict.fromkeys(PER_SECOND, 0), dict.fromkeys(PER_SECOND, 0)]\n")),
     fault("no more than 1024 splats", r"(?i)1,?024|2\^10|capacity", r"1,?024|2\^10|from \d+ on",
@@ -164,7 +163,7 @@ THIRD = (
     fault("columns and rows of cells in 8 bits", r"(?i)8 bits|256|1,?024|2\^8", r"(?i)cells?\b|width|wide|columns|pixels? from|\bX\b",
         ("    return np.array([origin for origin, n in parts for _ in range(n)], np.int64).reshape(-1, 2)\n",
          "    return np.array([origin for origin, n in parts for _ in range(n)], np.int64).reshape(-1, 2) % 256\n")),
-    fault("payloads of a second without their heads", r"(?i)(bytes|payload).*second|R-5-7|second.*(bytes|payload)|head", r"5_7|R-5-7|second",
+    fault("payloads of a second without their heads", r"(?i)(bytes|payload).*second|R-5-7|second.*(bytes|payload)|head", r"5_7|R-5-7|paced",
         ("        state.bytes_waiting += (s.position() - chunk_bit) // 8\n", "        state.bytes_waiting += p.bits_left() // 8\n")),
 )  # fmt: skip
 
@@ -183,6 +182,12 @@ def without(rules) -> tuple[Patch, ...]:
     return (*places, (OF_SECONDS, OF_SECONDS.replace("raise", 'if rule != "R-5-7": raise')))
 
 
-BARE = fault("no container rule checked", r"(?i)check|refus|fault|rule|accept", r"faulty|R-\d", *without(UNCHECKED), known="unchecked")
+BARE = fault(
+    "no container rule checked",
+    r"(?i)check|refus|fault|rule|accept",
+    r"faulty|R-\d",
+    *without(UNCHECKED),
+    known="unchecked",
+)
 
 PLANTED = (*REPORTED, *THIRD, BARE)
