@@ -48,6 +48,8 @@ MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl, --gsv
 def configure(config: pytest.Config) -> None:
     """Add the vectors to a session, unless its command line names other tests only.
 
+    An option on a command line without paths asks for the vectors alone: no other test is collected.
+
     Raises
     ------
     pytest.UsageError
@@ -58,7 +60,8 @@ def configure(config: pytest.Config) -> None:
     named = config.args_source == pytest.Config.ArgsSource.ARGS
     if named and not wanted and not typed:  # options of the configuration file give way to paths
         return
-    config.args = [argument for argument in config.args if not is_vector(argument)]
+    others = [argument for argument in config.args if not is_vector(argument)]
+    config.args = others if named or not typed else []
     try:
         run = Run(config, tuple(filter(None, wanted)))
     except UsageError as error:

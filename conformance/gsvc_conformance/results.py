@@ -336,7 +336,10 @@ class Report:
         level = self.claim.level if self.claim else group.level
         what = f"{self.vectors}, class {group.name}, profile {profile}, level {level}"
         if group.verdict in ("passed", "waived"):
-            return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
+            passing, waived = group.counts["pass"], group.counts.get("waived", 0)
+            if waived > passing:
+                return f"answers {passing} of {plural(passing + waived, 'vector')} rightly, {waived} waived: {what}"
+            return f"passes {what}, {plural(waived, 'waiver')}"
         return f"does not pass {what}: {group.reason}"
 
     @property

@@ -270,7 +270,8 @@ def _check_claim(claim: Claim, names: Iterable[str]) -> None:
         )
     there = {operations()[name.split("/")[1]].group for name in names}
     if missing := [group for group in claim.judged if group not in there]:
-        raise UsageError(f"there are no vectors of the class {', '.join(missing)}; see gsvc-conformance list")
+        which = f"profile {claim.profile} in the class {', '.join(missing)}"
+        raise UsageError(f"there are no vectors of {which}; see gsvc-conformance list")
 
 
 def _of_no_claim(name: str) -> bool:
