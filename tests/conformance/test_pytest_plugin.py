@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+import time
 import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -16,6 +17,7 @@ from toy_operations import INPUTS, good_program
 
 from gsvc_conformance import diagnosis, pytest_vectors
 from gsvc_conformance.operation import input_size
+from gsvc_conformance.results import NOT_ASKED
 from gsvc_conformance.vector_folder import VectorFolder
 
 pytest_plugins = ["pytester"]
@@ -157,6 +159,26 @@ def test_options_choose_vectors_and_node_ids_prevail(run, toy_module):
     run(*words, "gsvc::core/scale/*", "test_own.py").assert_outcomes(passed=3)
     run(*words, "gsvc::", "--gsvc-operation", "scale").assert_outcomes(passed=3)
     run(*words, "test_own.py").assert_outcomes(passed=len(INPUTS) + 1)
+
+
+def test_a_time_that_is_used(run, toy_module):
+    """The vector with the least work is asked for, and no other."""
+
+    def slow(stream):
+        time.sleep(0.3)
+        return toy_operations.parse(stream)
+
+    result = run("-q", "-rs", "--gsvc-module", toy_module(parse=slow), "--gsvc-seconds", "0.2")
+    result.assert_outcomes(passed=1, skipped=len(INPUTS) - 1)
+    result.stdout.fnmatch_lines(
+        [
+            f"1 of {len(INPUTS)} vectors ran: 1 pass, {len(INPUTS) - 1} skipped; *",
+            f"SKIPPED [[]{len(INPUTS) - 1}] *{NOT_ASKED}",
+        ]
+    )
+    assert "--gsvc-seconds takes a number of seconds, not 0" in sentence(
+        run("--gsvc-module", toy_module(), "--gsvc-seconds", "0")
+    )
 
 
 def test_options_of_the_configuration_give_way_to_paths(run, toy_module, pytester, folder):
