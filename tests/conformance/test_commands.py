@@ -4,8 +4,10 @@ import html
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
@@ -203,6 +205,29 @@ def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsy
     assert main([*words, "--keep", str(kept), "--vectors", str(folder)]) == 1
     assert again.read_text() == page
     assert (tmp_path / "again.xml").read_text() == Path(files["junit"]).read_text()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="masks of signals of POSIX")
+def test_a_signal_ends_the_run_and_not_the_compiler_of_a_driver(folder, toy_module, tmp_path, capsys):
+    """A driver may abort the process whose compiler was ended, and nothing would be written."""
+    code = "import signal; print(*map(int, signal.pthread_sigmask(signal.SIG_BLOCK, [])))"
+    blocked = []
+
+    def halve(values):
+        compiler = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        blocked.extend(map(int, compiler.stdout.split()))
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60)
+
+    def mask():
+        return signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+    before, file = mask(), tmp_path / "report.json"
+    assert run(folder, "--module", toy_module(halve=halve), "--json", str(file)) == 128 + signal.SIGTERM
+    assert {signal.SIGTERM, signal.SIGHUP} <= set(blocked)
+    assert "ended early, after " in json.loads(file.read_text())["ended"]
+    assert mask() == before
+    assert capsys.readouterr().out.endswith("ENDED EARLY, before all vectors were judged\n")
 
 
 def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):
