@@ -1,9 +1,11 @@
 """Ctrl-C, and the signals that ask a process to end: how they are handled while something is encoded or decoded.
 
 `Interrupts` holds Ctrl-C back while a frame is written. `termination_as_ctrl_c` makes SIGTERM and SIGHUP do what Ctrl-C
-does, for programs that want it, and gives the exit code for the signal.
+does, for programs that want it, and gives the exit code for the signal. `sparing_children` keeps them from what a
+library has started.
 """
 
+import os
 import signal
 import threading
 import time
@@ -137,3 +139,44 @@ def termination_as_ctrl_c() -> Iterator[Callable[[int], int]]:
     finally:
         for number in replaced:
             signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def sparing_children() -> Iterator[None]:
+    """Let the signals of `termination_as_ctrl_c` reach no process that the block starts.
+
+    Who ends a process often signals its whole group. That ends the compiler or linker that a GPU driver has started,
+    and some drivers then abort the process that they are loaded in. A process begins with the mask of the thread that
+    starts it, so this thread blocks the signals. Another one takes them, and wakes this one from what it waits for.
+    """
+    signals = [number for number in TERMINATION if signal.getsignal(number) is _terminate]
+    if not signals or not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    receive, send = os.pipe()
+    os.set_blocking(send, False)
+
+    def take() -> None:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
+        while number := os.read(receive, 1):
+            if number[0] in signals:
+                _send(signal.SIGURG)
+
+    wakeup = signal.set_wakeup_fd(send)  # gets the number of a signal, whichever thread takes it
+    urgent = signal.signal(signal.SIGURG, _ignore)
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, signals)
+    taking = threading.Thread(target=take, daemon=True)
+    taking.start()
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        signal.signal(signal.SIGURG, urgent)
+        signal.set_wakeup_fd(wakeup)
+        os.close(send)
+        taking.join()
+        os.close(receive)
+
+
+def _ignore(number: int, frame: FrameType | None) -> None:
+    """Do nothing but end what the main thread waits for."""

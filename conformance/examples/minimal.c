@@ -1,6 +1,7 @@
 /* Two operations behind the protocols of GSVC's conformance kit (protocol.md), for little-endian machines:
    cc -O2 -o minimal minimal.c -lm && gsvc-conformance run --impl ./minimal --operation from_half
    or, as one process that answers all vectors:     gsvc-conformance run --serve "./minimal --serve" ... */
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -54,7 +55,7 @@ static void write_npy(const char *name, const char *type, const char *shape, con
 static void from_half(void) {
     struct array bits = read_npy("bits");
     size_t count = bits.bytes / 2;
-    float *values = take(4 * count);
+    float *values = (float *)take(4 * count);
     for (size_t i = 0; i < count; i++) {
         int half = ((uint16_t *)bits.data)[i], exponent = half >> 10 & 31, fraction = half & 1023;
         double size = exponent == 31 ? INFINITY : exponent ? ldexp(1024 + fraction, exponent - 25) : ldexp(fraction, -24);
@@ -67,12 +68,12 @@ static void render_sum(void) {                      /* (9-1) and (9-2) */
     struct array parameters = read_npy("parameters");
     int64_t width = read_int("width"), height = read_int("height");
     size_t bytes = 12 * (size_t)(width * height), count = parameters.bytes / 32;
-    float *sum = take(bytes);
+    float *sum = (float *)take(bytes);
     for (int64_t pixel = 0; pixel < width * height; pixel++) {
         double color[3] = {0, 0, 0};
         for (size_t n = 0; n < count; n++) {
             const float *p = (float *)parameters.data + 8 * n;      /* x, y, l11, l21, l22, R, G, B */
-            if (!(p[2] >= 0x1p-126f && p[4] >= 0x1p-126f && isfinite(p[2]) && isfinite(p[4]))) continue;
+            if (!(p[2] >= FLT_MIN && p[4] >= FLT_MIN && isfinite(p[2]) && isfinite(p[4]))) continue;
             double u1 = (pixel % width + 0.5 - p[0]) / p[2], u2 = (pixel / width + 0.5 - p[1] - p[3] * u1) / p[4];
             double sigma = (u1 * u1 + u2 * u2) / 2;
             if (sigma <= log(255)) for (int c = 0; c < 3; c++) color[c] += p[5 + c] * exp(-sigma);

@@ -1,10 +1,12 @@
 """Two operations behind the protocols of GSVC's conformance kit (protocol.md): a command, or with --serve a server.
 
-As `--module` the functions alone would do.
+As `--module` the functions alone would do. Python 3.8 and NumPy 1.17 are enough for it.
 
 gsvc-conformance run --impl "python conformance/examples/minimal.py" --operation render_sum
 gsvc-conformance run --serve "python conformance/examples/minimal.py --serve" --operation render_sum
 """
+
+from __future__ import annotations
 
 import json
 import sys
@@ -14,15 +16,13 @@ from typing import Any
 
 import numpy as np
 
-Values = dict[str, Any]
 
-
-def from_half(bits: Any) -> Values:
+def from_half(bits: Any) -> dict[str, Any]:
     """The value of each binary16 pattern."""
     return {"values": bits.view("<f2").astype("<f4")}
 
 
-def render_sum(parameters: Any, width: int, height: int) -> Values:
+def render_sum(parameters: Any, width: int, height: int) -> dict[str, Any]:
     """(9-1) and (9-2)."""
     x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
     total = np.zeros((height, width, 3))
@@ -37,7 +37,7 @@ def render_sum(parameters: Any, width: int, height: int) -> Values:
 
 def answer(operation: str, in_dir: str, out_dir: str) -> int:
     """Read the inputs, call the operation's function, write its outputs; the exit status."""
-    functions: dict[str, Callable[..., Values]] = {"from_half": from_half, "render_sum": render_sum}
+    functions: dict[str, Callable[..., dict[str, Any]]] = {"from_half": from_half, "render_sum": render_sum}
     if operation not in functions:
         return 77  # not supported
     inputs = {path.stem: np.load(path) for path in Path(in_dir).glob("*.npy")}
@@ -57,7 +57,7 @@ def serve() -> int:
             if answer(request["operation"], request["in"], request["out"]) == 77:
                 said["status"] = "unsupported"
         except Exception as error:
-            said |= {"status": "error", "message": repr(error)}
+            said.update(status="error", message=repr(error))
         print(json.dumps(said), flush=True)
     return 0
 

@@ -15,6 +15,7 @@ OPTIONS = {
     "impl": ("CMD", "judge a command, started as: CMD OPERATION IN_DIR OUT_DIR"),
     "serve": ("CMD", "judge a command that is started once, and answers vector after vector"),
     "timeout": ("S", "seconds for one vector, with --gsvc-impl and --gsvc-serve (60)"),
+    "seconds": ("S", "small vectors first, and no more once these seconds are used: for what is slow"),
     "operation": ("NAME", "only vectors of this operation; may be given several times"),
     "class": ("NAME", "only vectors of this conformance class; may be given several times"),
     "case": ("GLOB", "only vectors whose id, or its last part, matches; may be given several times"),

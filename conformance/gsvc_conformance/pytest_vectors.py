@@ -5,7 +5,9 @@ sends them with its results when it ends.
 """
 
 import json
+import math
 import shlex
+import time
 from collections import Counter
 from collections.abc import Generator, Iterable
 from pathlib import Path
@@ -26,7 +28,7 @@ from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
 from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of, headed
 from gsvc_conformance.report.json import result_from, result_object
-from gsvc_conformance.results import FAULTS, OUTCOMES, Report, Result, difficulty
+from gsvc_conformance.results import FAULTS, NOT_ASKED, OUTCOMES, Report, Result, difficulty
 from gsvc_conformance.runner import excused, judge_vector
 from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.spelling import question
@@ -48,6 +50,8 @@ MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl, --gsv
 def configure(config: pytest.Config) -> None:
     """Add the vectors to a session, unless its command line names other tests only.
 
+    An option on a command line without paths asks for the vectors alone: no other test is collected.
+
     Raises
     ------
     pytest.UsageError
@@ -58,7 +62,8 @@ def configure(config: pytest.Config) -> None:
     named = config.args_source == pytest.Config.ArgsSource.ARGS
     if named and not wanted and not typed:  # options of the configuration file give way to paths
         return
-    config.args = [argument for argument in config.args if not is_vector(argument)]
+    others = [argument for argument in config.args if not is_vector(argument)]
+    config.args = others if named or not typed else []
     try:
         run = Run(config, tuple(filter(None, wanted)))
     except UsageError as error:
@@ -92,7 +97,11 @@ class Run:
         self._folder = VectorFolder(Path(option("vectors") or VECTORS), wanted_set(option("set") or "newest"))
         self.selection = _selection(option, wanted)
         self._folder.check_patterns("--gsvc-case " if not wanted else NODE, self.selection.patterns)
-        self.names = simplest_vectors_first(self._folder, self._folder.select(self.selection))
+        self._seconds = _seconds(option, "seconds", math.inf)
+        self._end: float | None = None
+        chosen = self._folder.select(self.selection)
+        limited = math.isfinite(self._seconds)
+        self.names = sorted(chosen, key=self._folder.work) if limited else simplest_vectors_first(self._folder, chosen)
         self._file = option("waivers")
         self._waivers = read_waivers(Path(self._file) if self._file else None)
         if unmatched := self._waivers.unmatched(self._folder.names):
@@ -111,7 +120,10 @@ class Run:
             self.implementation.__exit__(None, None, None)
 
     def unanswered(self, name: str) -> str:
-        """The reason why a vector needs not be read: its operation has no function; else empty."""
+        """The reason why a vector needs not be read: its operation has no function, or the time is used; else empty."""
+        self._end = self._end or time.monotonic() + self._seconds
+        if time.monotonic() >= self._end:
+            return NOT_ASKED
         functions = getattr(self.implementation, "functions", None)
         operation = name.split("/")[1]
         if self._features or functions is None or callable(functions.get(operation)):
@@ -129,9 +141,9 @@ class Run:
         return judged.result
 
     def skipped(self, name: str, reason: str) -> None:
-        """Note a vector that is unsupported without being asked for."""
+        """Note a vector that is not asked for."""
         group = operations()[name.split("/")[1]].group
-        self.results[name] = Result(name, "", group, "unsupported", reason)
+        self.results[name] = Result(name, "", group, "skipped" if reason == NOT_ASKED else "unsupported", reason)
 
     def stale(self, name: str) -> str:
         """A sentence about a waiver that is not needed: its vector passes; else empty."""
@@ -226,21 +238,23 @@ def _implementation(option: Any, home: Path) -> Implementation:
         what = " or ".join(f"--gsvc-{name}" for name in JUDGED)
         raise UsageError(f"say what golden vectors judge: {'only one of ' if given else ''}{what}")
     if option("impl"):
-        return ProcessImplementation(option("impl"), _seconds(option("timeout")))
+        return ProcessImplementation(option("impl"), _seconds(option, "timeout", TIMEOUT))
     if option("serve"):
-        return ServerImplementation(option("serve"), _seconds(option("timeout")))
+        return ServerImplementation(option("serve"), _seconds(option, "timeout", TIMEOUT))
     if option("timeout"):
         raise UsageError("--gsvc-timeout needs --gsvc-impl or --gsvc-serve: a module cannot be stopped")
     return load_module(option("module"), home)
 
 
-def _seconds(text: str | None) -> float:
+def _seconds(option: Any, name: str, default: float) -> float:
+    if (text := option(name)) is None:
+        return default
     try:
-        seconds = TIMEOUT if text is None else float(text)
+        seconds = float(text)
     except ValueError:
         seconds = 0.0
-    if not 0 < seconds < float("inf"):
-        raise UsageError(f"--gsvc-timeout takes a number of seconds, not {text}")
+    if not 0 < seconds < math.inf:
+        raise UsageError(f"--gsvc-{name} takes a number of seconds, not {text}")
     return seconds
 
 
@@ -352,9 +366,9 @@ class Session:
         return report
 
     def pytest_report_teststatus(self, report: pytest.TestReport) -> tuple[str, str, str] | None:
-        """Count what has no function as skipped, without filling the screen with its letters."""
+        """Count what is not asked for as skipped, without filling the screen with its letters."""
         reason = report.longrepr[2] if report.skipped and isinstance(report.longrepr, tuple) else ""
-        silent = report.nodeid.startswith(NODE) and NO_FUNCTION in reason
+        silent = report.nodeid.startswith(NODE) and (NO_FUNCTION in reason or NOT_ASKED in reason)
         return ("skipped", "", "SKIPPED") if silent else None
 
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -396,7 +410,7 @@ def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
     lines += [f"note: {note}" for note in report.notes]
     stale = sum(result.passed and bool(run.stale(result.id)) for result in report.results)
     with_stale = f"with a stale waiver: take {'it' if stale == 1 else 'them'} out"
-    if report.whole:
+    if report.whole and not report.not_asked:
         lines += _verdicts(report)
         passing = "vector passes" if stale == 1 else "vectors pass"
         lines += [f"{stale:,} {passing} {with_stale}"] * bool(stale)
@@ -405,8 +419,8 @@ def _summary(report: Report, looked: Counter[str], run: Run) -> list[str]:
         words = {outcome: f"{counts[outcome]} {outcome}" for outcome in OUTCOMES if counts[outcome]}
         if stale:
             words["pass"] += f" ({stale:,} of them {with_stale})"
-        said = ", ".join(words.values())
-        lines.append(f"{len(report.results):,} of {plural(len(run.names), 'vector')} ran: {said}; a verdict needs all "
+        said, ran = ", ".join(words.values()), len(report.results) - report.not_asked
+        lines.append(f"{ran:,} of {plural(len(run.names), 'vector')} ran: {said}; a verdict needs all "
                      "vectors of a class")  # fmt: skip
     if len(report.faults) > 1:
         lines.append(f"Begin with the simplest: {run.again(report.simplest_first()[0].id)}")

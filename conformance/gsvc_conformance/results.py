@@ -27,6 +27,9 @@ OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
 """Outcomes of something that is wrong."""
 
+NOT_ASKED: Final = "not asked: the time of --seconds was used"
+"""The message of a vector that is skipped for want of time."""
+
 Verdict = Literal["passed", "waived", "incomplete", "failed", "not claimed"]
 
 Conclusion = Literal["passed", "incomplete", "failed", "nothing judged", "ended early"]
@@ -273,6 +276,11 @@ class Report:
         return [result for result in self.results if result.outcome in FAULTS]
 
     @property
+    def not_asked(self) -> int:
+        """The number of vectors that are skipped for want of time."""
+        return sum(result.outcome == "skipped" and result.message == NOT_ASKED for result in self.results)
+
+    @property
     def features_hold(self) -> bool:
         """Whether every vector inside of its features passes or is waived, and none outside of them is wrong."""
         inside = [result for result in self.results if not result.outside]
@@ -317,7 +325,7 @@ class Report:
 
         There are none without all vectors of the classes.
         """
-        if not self.whole or self.ended:
+        if not self.whole or self.ended or self.not_asked:
             return []
         groups = [group for group in self.groups() if self.claim or group.verdict in ("passed", "waived")]
         declared = self.claim.declared if self.claim else ()
@@ -336,7 +344,10 @@ class Report:
         level = self.claim.level if self.claim else group.level
         what = f"{self.vectors}, class {group.name}, profile {profile}, level {level}"
         if group.verdict in ("passed", "waived"):
-            return f"passes {what}, {plural(group.counts.get('waived', 0), 'waiver')}"
+            passing, waived = group.counts["pass"], group.counts.get("waived", 0)
+            if waived > passing:
+                return f"answers {passing} of {plural(passing + waived, 'vector')} rightly, {waived} waived: {what}"
+            return f"passes {what}, {plural(waived, 'waiver')}"
         return f"does not pass {what}: {group.reason}"
 
     @property

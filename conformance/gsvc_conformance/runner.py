@@ -1,5 +1,6 @@
 """The judgement of an implementation, vector by vector."""
 
+import math
 import time
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +19,7 @@ from gsvc_conformance.level import header_payload
 from gsvc_conformance.names import with_names
 from gsvc_conformance.operation import Operation, Values, input_size
 from gsvc_conformance.profiles import stated_profile
-from gsvc_conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
+from gsvc_conformance.results import FAULTS, NOT_ASKED, REFUSED, Outcome, OutputResult, Result
 from gsvc_conformance.side_by_side import comparison
 from gsvc_conformance.vector import Vector
 
@@ -60,6 +61,7 @@ def run_suite(
     level: int = 1,
     features: Features | None = None,
     profile: str = "",
+    seconds: float = math.inf,
 ) -> list[Result]:
     """Judge an implementation by vectors.
 
@@ -83,12 +85,18 @@ def run_suite(
         The profile of the claim, which streams of encoders must state; empty without a claim.
     features
         What the implementation is made for: it must answer every vector inside, and may refuse every other one.
+    seconds
+        The time after which no more vectors are asked for: the rest is skipped.
     """
     skips = skips or {}
+    end = time.monotonic() + seconds
+
+    def skipped_for(vector: Vector) -> str:
+        return skips.get(vector.id, NOT_ASKED if time.monotonic() >= end else "")
 
     def judged_vector(vector: Vector) -> Callable[[], Judged]:
-        if vector.id in skips:
-            skipped = _result(vector, "skipped", skips[vector.id])
+        if reason := skipped_for(vector):
+            skipped = _result(vector, "skipped", reason)
             return lambda: Judged(vector, None, by_features(skipped, features.outside(vector)) if features else skipped)
         answers = list(_asked(implementation, vector, repeat))
         return lambda: judge_answers(vector, answers, implementation.in_full, level, features, profile)

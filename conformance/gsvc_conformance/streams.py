@@ -1,12 +1,14 @@
 """Random legal streams with what must come of them, for soak tests: `gsvc-conformance streams`.
 
-They are those of gsvc_ref's Hypothesis strategy `streams`, made from seeds.
+They are those of gsvc_ref's Hypothesis strategies `streams` and `main_streams`, made from seeds.
 """
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -16,8 +18,11 @@ import numpy as np
 from gsvc_base.errors import UsageError
 from gsvc_conformance.element_values import used
 from gsvc_conformance.operation import operations
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.vector import npy
-from gsvc_ref.stream import decode_stream_deterministic, reconstruct_stream
+from gsvc_ref.stream import decode_stream_deterministic, reconstruct_layers, reconstruct_stream
+from gsvc_ref.testing.choices import SeededChoices
+from gsvc_ref.testing.random_main_streams import random_main_stream
 from gsvc_ref.testing.random_streams import ANYTHING, Stream, Wishes, random_stream
 
 MAX_PIXELS: Final = 4096
@@ -28,9 +33,18 @@ PARTS: Final = ("counts", "parameters", *PICTURES)
 """Files of each stream, besides the stream."""
 
 
-def stream_of(seed: int, number: int, wishes: Wishes = ANYTHING) -> Stream:
-    """Stream `number` of a seed that has what is wished, the same for any count."""
-    return random_stream(seed << 32 | number, max_pixels=MAX_PIXELS, wishes=wishes)
+def stream_of(seed: int, number: int, wishes: Wishes = ANYTHING, profiles: Sequence[str] = PROFILES) -> Stream:
+    """Stream `number` of a seed that has what is wished, of one of the profiles in turn; the same for any count."""
+    own = seed << 32 | number
+    if profiles[number % len(profiles)] == "paper":
+        return random_stream(own, max_pixels=MAX_PIXELS, wishes=wishes)
+    choices = SeededChoices(own)
+    ancillary, paced = choices.boolean(), choices.boolean()
+    wishes = replace(wishes, ancillary=ancillary if wishes.ancillary is None else wishes.ancillary)
+    if paced and wishes.paced is None:
+        with suppress(UsageError):  # it does not keep the limits of a second
+            return random_main_stream(own, max_pixels=MAX_PIXELS, wishes=replace(wishes, paced=True))
+    return random_main_stream(own, max_pixels=MAX_PIXELS, wishes=wishes)
 
 
 def write_streams(
@@ -40,6 +54,7 @@ def write_streams(
     on_stream: Callable[[int], object] = id,
     *,
     wishes: Wishes = ANYTHING,
+    profiles: Sequence[str] = PROFILES,
     pictures: bool = True,
     executor: Executor | None = None,
 ) -> None:
@@ -47,8 +62,9 @@ def write_streams(
 
     Of each there are NAME.gsvc; NAME.counts.npy and NAME.parameters.npy as reconstruct_stream has them;
     NAME.frames.npy as decode_stream_deterministic has them; and NAME.lowest.npy and NAME.highest.npy, between which
-    the frames of decode_stream must lie. index.json lists for each its name, the SHA-256 of the stream, its header,
-    and how often each syntax element occurs in it.
+    the frames of decode_stream must lie. Of a stream with layers these are those of the base, and for each layer L
+    there are NAME.layer_L.counts.npy and NAME.layer_L.parameters.npy as reconstruct_layers has them. index.json lists
+    for each its name, the SHA-256 of the stream, its header, and how often each syntax element occurs in its base.
 
     Parameters
     ----------
@@ -60,6 +76,8 @@ def write_streams(
         Is called before each stream with its number.
     wishes
         What each stream has to have.
+    profiles
+        Their profiles, in turn.
     pictures
         Whether the files of frames are written, which take nearly all of the time.
     executor
@@ -76,7 +94,7 @@ def write_streams(
     if any(folder.iterdir()):  # index.json would not list what an earlier call wrote
         raise UsageError(f"{folder} is not empty: give a new folder, or remove this one first")
     entries: list[dict[str, Any]] = []
-    make = partial(files_of, seed, wishes=wishes, pictures=pictures)
+    make = partial(files_of, seed, wishes=wishes, profiles=profiles, pictures=pictures)
     made: Iterable[Made] = map(make, range(count)) if executor is None else executor.map(make, range(count))
     streams = iter(made)
     for number in range(count):
@@ -92,12 +110,22 @@ Made = tuple[dict[str, bytes], dict[str, Any]]
 """The files of a stream by their names, and what index.json says of it."""
 
 
-def files_of(seed: int, number: int, *, wishes: Wishes = ANYTHING, pictures: bool = True) -> Made:
+def files_of(
+    seed: int,
+    number: int,
+    *,
+    wishes: Wishes = ANYTHING,
+    profiles: Sequence[str] = PROFILES,
+    pictures: bool = True,
+) -> Made:
     """Make a stream of a seed; this is what a worker is asked to do."""
-    stream = stream_of(seed, number, wishes)
+    stream = stream_of(seed, number, wishes, profiles)
     name = f"stream-{seed}-{number:04}"
     expected = {**reconstruct_stream(stream.data)._asdict(), **(_pictures(stream.data) if pictures else {})}
     files = {f"{name}.{part}.npy": npy(np.asarray(expected[part])) for part in PARTS if part in expected}
+    for layer in range(1, stream.header.layer_count):
+        shown = reconstruct_layers(stream.data, layer)
+        files |= {f"{name}.layer_{layer}.{part}.npy": npy(getattr(shown, part)) for part in PARTS[:2]}
     entry = {
         "name": name,
         "sha256": hashlib.sha256(stream.data).hexdigest(),

@@ -15,6 +15,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from gsvc_base.errors import UsageError
+from gsvc_base.splats import PARAMETERS_PER_SPLAT
 from gsvc_conformance.case import FULL, OWN, TIERS
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import operations
@@ -305,6 +306,21 @@ class VectorFolder:
         """
         try:
             return sum(self._bytes_of(name, entry) for entry in self.manifest(name)["inputs"].values())
+        except Exception:  # a hostile manifest may raise anything
+            return 0
+
+    def work(self, name: str) -> int:
+        """About how much a vector asks for, by its manifest: pairs of a pixel and a splat, and what goes in and out.
+
+        It is 0 if that is damaged; reading the vector says so.
+        """
+        try:
+            manifest = self.manifest(name)
+            shapes = [entry.get("shape", ()) for entry in manifest["inputs"].values()]
+            shapes += [entry.get("expected", {}).get("shape", ()) for entry in manifest["outputs"].values()]
+            pixels = max((math.prod(shape[:-1]) for shape in shapes if len(shape) > 2), default=0)
+            splats = max((shape[0] for shape in shapes if shape[1:] == [PARAMETERS_PER_SPLAT]), default=0)
+            return pixels * splats + self.input_size(name) + sum(map(math.prod, shapes))
         except Exception:  # a hostile manifest may raise anything
             return 0
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Any, Final, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_base.arrays import I8
 from gsvc_base.draws import Draws
@@ -14,7 +15,7 @@ from gsvc_base.splats import Splats
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.header import LANE_EXPONENTS, MAIN, MAX_LAYERS, Quality, header_elements
 from gsvc_ref.main.cells import halving_count
-from gsvc_ref.main.codes import NO_FIELD, SIDES, MainCodes
+from gsvc_ref.main.codes import NO_FIELD, REMOVED, SIDES, MainCodes
 from gsvc_ref.main.densities import ALPHAS, PLANES, SLOPED, Densities, Density
 from gsvc_ref.main.frames import code_run
 from gsvc_ref.main.kept_state import MainState
@@ -23,8 +24,18 @@ from gsvc_ref.main.passes import TOTAL, Distributions, Run
 from gsvc_ref.main.tables import QUANTIZERS
 from gsvc_ref.paper import FrameType
 from gsvc_ref.testing.choices import Choices, SeededChoices
-from gsvc_ref.testing.faults import write_stream
-from gsvc_ref.testing.random_streams import ANY_SIZE_SPLATS, FEW_SPLATS, LEVEL1_PIXELS, Stream, make_header
+from gsvc_ref.testing.random_streams import (
+    ANY_SIZE_SPLATS,
+    ANYTHING,
+    FEW_SPLATS,
+    LEVEL1_PIXELS,
+    Stream,
+    Wishes,
+    granted,
+    make_header,
+    paced_stream,
+    written,
+)
 
 Kind = Literal["likely", "any", "first", "last"]
 MAIN_SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
@@ -32,14 +43,20 @@ MAIN_SYMBOL_KINDS: Final[tuple[Kind, ...]] = ("likely", "any", "first", "last")
 
 
 class RandomRun(Run):
-    """A run whose symbols are random."""
+    """A run whose symbols are random, but for which splats are `removed`, (N,), where that is given."""
 
-    def __init__(self, rng: Draws, kind: Kind) -> None:
+    def __init__(self, rng: Draws, kind: Kind, removed: NDArray[np.bool_] | None = None) -> None:
         super().__init__()
-        self._rng, self._kind = rng, kind
+        self._rng, self._kind, self._removed = rng, kind, removed
 
     def symbols(self, at: int, tables: Distributions, which: I8, symbols: I8 | None = None) -> I8:
         """A part of the pass `at`: symbol i has the distribution `which[i]`."""
+        drawn = self._drawn(tables, which)
+        if self._part != "modes" or self._removed is None:
+            return drawn
+        return np.where(self._removed, REMOVED, np.where(drawn == REMOVED, 0, drawn))
+
+    def _drawn(self, tables: Distributions, which: I8) -> I8:
         first, last = tables.first[which], tables.first[which + 1] - 2
         if self._kind == "likely":
             slots = self._rng.integers(0, TOTAL, (len(which),))
@@ -64,44 +81,78 @@ class RandomRun(Run):
 
 
 def random_main_stream(
-    seed: int, *, max_frames: int = 5, max_count: int = 120, max_pixels: int = LEVEL1_PIXELS
+    seed: int,
+    *,
+    max_frames: int = 5,
+    max_count: int = 120,
+    max_pixels: int = LEVEL1_PIXELS,
+    wishes: Wishes = ANYTHING,
 ) -> Stream:
-    """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis."""
-    return make_main_stream(SeededChoices(seed), max_frames=max_frames, max_count=max_count, max_pixels=max_pixels)
+    """The legal stream of profile `main` of a seed: what the strategy `main_streams` draws, without Hypothesis.
+
+    The limits are those of `random_stream`.
+    """
+    choices = SeededChoices(seed)
+    return make_main_stream(choices, max_frames=max_frames, max_count=max_count, max_pixels=max_pixels, wishes=wishes)
 
 
-def make_main_stream(choices: Choices, *, max_frames: int, max_count: int, max_pixels: int) -> Stream:
+def make_main_stream(
+    choices: Choices, *, max_frames: int, max_count: int, max_pixels: int, wishes: Wishes = ANYTHING
+) -> Stream:
     """A legal stream of profile `main` with any mix of frame types, quantisers, lanes, motion cells and densities.
 
     Where `layer_count` allows it, frames have layers; a chunk of each follows most frames, and carries it over others.
+    Of `wishes`, the types and the number of splats are about the base, and only those that are wished have ancillary
+    chunks or are paced. A UsageError says that no legal stream has what is wished.
     """
-    header = make_main_header(choices, max_pixels=max_pixels)
+    header = _granted(make_main_header(choices, max_pixels=max_pixels), wishes)
     state = MainState.initial(header.width, header.height)
     codes: list[MainCodes] = []
     splats: list[Splats] = []
     layers: dict[int, list[tuple[int, MainCodes]]] = {}
     layers_now = Layers(header.layer_count - 1)
-    for number in range(choices.integer(1, max_frames)):
-        frame, state = make_main_frame(choices, header, state, types="IPR" if number else "I", max_count=max_count)
+    drawn = choices.integer(1, max_frames)
+    for number in range(wishes.frames or drawn):
+        types = wishes.types if number else "I"
+        frame, state = make_main_frame(choices, header, state, types=types, max_count=max_count, total=wishes.splats)
         codes.append(frame)
         splats.append(state.splats)
         layers[number] = []
         named = [layer for layer in range(1, header.layer_count) if choices.integer(0, 3) > 0]
         layers_now = layers_now.after(frame.type, state, named, frame.field if frame.type == "P" else NO_FIELD, number)
         for layer in named:
-            layer_codes, layers_now = make_layer(choices, header, layers_now, layer, max_count=max_count)
+            layer_codes, layers_now = make_layer(
+                choices, header, layers_now, layer, max_count=max_count, wished=wishes.splats or 0
+            )
             layers[number].append((layer, layer_codes))
     header = replace(header, frame_count=len(codes))
-    data = write_stream(header, codes, index=choices.boolean(), layers=layers)
-    return Stream(data, header, codes, splats, layers)
+    index = choices.boolean()
+    parts: dict[str, Any] = {"index": index if wishes.index is None else wishes.index, "layers": layers}
+    if wishes.ancillary:
+        parts["ancillary"] = {choices.integer(0, len(codes) - 1): (choices.pick("abz"), choices.binary(9))}
+    if wishes.paced:
+        return paced_stream(header, codes, splats, parts, wishes)
+    return written(header, codes, splats, parts)
+
+
+def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
+    """A drawn header with the elements that are wished; operating points stay where nothing is that limits them."""
+    limiting = {"width", "height", "level", "layer_count"} & wishes.elements.keys()
+    if limiting or wishes.splats is not None:
+        header = replace(header, qualities=())
+    layered = wishes.elements.get("layer_count", header.layer_count) > 1
+    return granted(header, wishes, ANY_SIZE_SPLATS if layered else 0)
 
 
 def make_layer(
-    choices: Choices, header: SequenceHeader, layers: Layers, layer: int, *, max_count: int = 120
+    choices: Choices, header: SequenceHeader, layers: Layers, layer: int, *, max_count: int = 120, wished: int = 0
 ) -> tuple[MainCodes, Layers]:
-    """A layer that may follow, with at most `max_count` new splats, and the layers after it."""
+    """A layer that may follow, with at most `max_count` new splats, and the layers after it.
+
+    The level allows `wished` splats more than what it allows of any size.
+    """
     types = "IPR" if layer in layers.before else "I"
-    before, taken = layers.start_of(layer, header), layers.others(layer)
+    before, taken = layers.start_of(layer, header), layers.others(layer) - wished
     codes, state = make_main_frame(choices, header, before, types=types, max_count=max_count, taken=taken)
     return codes, layers.with_layer(layer, replace(state, inherited=NO_FIELD))
 
@@ -136,20 +187,25 @@ def make_main_frame(
     count: int | None = None,
     kind: Kind | None = None,
     taken: int = 0,
+    total: int | None = None,
 ) -> tuple[MainCodes, MainState]:
     """A frame that may follow `state`, one of `types`, with at most `max_count` new splats; and the state after it.
 
-    `count` is the number of new splats, and `kind` that of all symbols, where they are given. Of the splats that a
-    frame may have, `taken` are those of other layers.
+    `count` is the number of new splats, `total` that of all, and `kind` that of all symbols, where they are given;
+    `state` must have no more than `total`. Of the splats that a frame may have, `taken` are those of other layers.
     """
     letters: tuple[FrameType, ...] = ("I", "P", "R")
-    frame_type = choices.pick([letter for letter in letters if letter in types])
+    frame_type = choices.pick([letter for letter in letters for _ in range(types.count(letter))])
     if frame_type == "R":
         return MainCodes.repeated_frame(), state
     before = MainState.initial(header.width, header.height) if frame_type == "I" else state
     room = max(0, min(max_count, ANY_SIZE_SPLATS - taken - len(before.values)))
     drawn = choices.integer(0, choices.pick((min(room, FEW_SPLATS), room)))
     count = drawn if count is None else count
+    removed = None
+    if total is not None:
+        removed = choices.generator().random(len(before.values)) < choices.pick((0.0, 0.1, 0.5, 1.0))
+        count = total - int(np.count_nonzero(~removed))
     own = count > 0 and (frame_type == "I" or before.densities is None or choices.boolean())
     present = frame_type == "I" or choices.boolean()
     codes = MainCodes(
@@ -164,7 +220,7 @@ def make_main_frame(
     if count + len(before.values) == 0:
         return codes, before
     symbols: Kind = choices.pick(MAIN_SYMBOL_KINDS) if kind is None else kind
-    run = RandomRun(choices.generator(), symbols)
+    run = RandomRun(choices.generator(), symbols, removed)
     after, codes = code_run(run, before, codes, count)
     return codes, after
 

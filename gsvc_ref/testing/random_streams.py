@@ -112,7 +112,7 @@ def make_stream(
     paced where it keeps the limits of a second. What is wished is drawn like all else, and then replaced: so the rest
     stays what it was. A UsageError says that no legal stream has what is wished.
     """
-    header = _granted(make_header(choices, max_pixels=max_pixels), wishes)
+    header = granted(make_header(choices, max_pixels=max_pixels), wishes)
     state = State.initial(header.width, header.height)
     codes: list[FrameCodes] = []
     splats: list[Splats] = []
@@ -138,22 +138,23 @@ def make_stream(
     }  # fmt: skip
     paced = choices.boolean()
     if wishes.paced:
-        return _paced(header, codes, splats, parts, any(name.startswith("frame_rate_") for name in wishes.elements))
+        return paced_stream(header, codes, splats, parts, wishes)
     if paced and wishes.paced is None:
         try:
-            return _written(replace(header, paced_flag=True), codes, splats, parts)
+            return written(replace(header, paced_flag=True), codes, splats, parts)
         except UsageError:  # it does not keep the limits of a second
             pass
-    return _written(header, codes, splats, parts)
+    return written(header, codes, splats, parts)
 
 
-def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
-    """A drawn header with the elements that are wished."""
+def granted(header: SequenceHeader, wishes: Wishes, more: int = 0) -> SequenceHeader:
+    """A drawn header with the elements that are wished, of a level for `more` splats beside those that are wished."""
     unknown = [name for name in wishes.elements if name not in vars(header)]
     if unknown:
         raise UsageError(f"the sequence header has no element {unknown[0]}; it has {', '.join(vars(header))}")
     wished = {**vars(header), **wishes.elements}
-    width, height, splats = wished["width"], wished["height"], wishes.splats or 0
+    width, height = wished["width"], wished["height"]
+    splats = 0 if wishes.splats is None else wishes.splats + more
     needed = level_for(width, height, splats=splats, work=splats * width * height)  # each may cover all of the frame
     if wishes.elements.get("level", needed) < needed:
         raise UsageError(f"{splats} splats of any size on {width}x{height} pixels need level {needed}: wish for fewer, "
@@ -161,26 +162,25 @@ def _granted(header: SequenceHeader, wishes: Wishes) -> SequenceHeader:
     return SequenceHeader(**{**wished, "level": max(wished["level"], needed)})
 
 
-def _paced(
-    header: SequenceHeader,
-    codes: list[FrameCodes],
-    splats: list[Splats],
-    parts: Mapping[str, Any],
-    rate_is_wished: bool,
+def paced_stream(
+    header: SequenceHeader, codes: Sequence[AnyCodes], splats: list[Splats], parts: Mapping[str, Any], wishes: Wishes
 ) -> Stream:
     """The paced stream, at its frame rate, or else, unless that is wished, at 25 frames a second."""
     header = replace(header, paced_flag=True)
     try:
-        return _written(header, codes, splats, parts)
+        return written(header, codes, splats, parts)
     except UsageError:
-        if rate_is_wished:
+        if any(name.startswith("frame_rate_") for name in wishes.elements):
             raise
         usual = replace(header, frame_rate_numerator=25, frame_rate_denominator=1)
-        return _written(usual, codes, splats, parts)
+        return written(usual, codes, splats, parts)
 
 
-def _written(header: SequenceHeader, codes: list[FrameCodes], splats: list[Splats], parts: Mapping[str, Any]) -> Stream:
-    return Stream(write_stream(header, codes, **parts), header, codes, splats)
+def written(
+    header: SequenceHeader, codes: Sequence[AnyCodes], splats: list[Splats], parts: Mapping[str, Any]
+) -> Stream:
+    """The stream, whose `parts` are options of `write_stream`."""
+    return Stream(write_stream(header, codes, **parts), header, codes, splats, parts.get("layers", {}))
 
 
 def make_header(choices: Choices, *, max_pixels: int) -> SequenceHeader:

@@ -170,6 +170,13 @@ def test_waivers_are_counted_in_what_is_quoted():
     assert report.quotes() == [f"passes {SET}, class rendering, profile paper, level 1, 1 waiver"]
 
 
+def test_a_class_that_is_mostly_waived_is_not_quoted_as_passing():
+    report = report_of(result(1), *(result(1, "waived", slug=slug) for slug in "ab"), claim=claim(1))
+    assert report.quotes() == [
+        f"answers 1 of 3 vectors rightly, 2 waived: {SET}, class rendering, profile paper, level 1"
+    ]
+
+
 def test_nothing_at_all_holds_no_claim():
     assert report_of(result(1, "unsupported"), claim=claim(1)).exit_code == 1
 
@@ -270,7 +277,7 @@ def test_a_decoder_of_a_low_level_refuses_what_is_above_it(folder, toy_module, c
     ("words", "reason"),
     [
         (["--claim", "metrics,paper,1"], "class metrics"),
-        (["--claim", "rendering,paper,1,sizes"], "no vectors of the class sizes"),
+        (["--claim", "rendering,paper,1,sizes"], "no vectors of profile paper in the class sizes"),
         (["--claim", "rendering,paper,1", "--operation", "paint"], "says which vectors are judged"),
         (["--claim", "rendering,paper,1", "--skip", "*"], "says which vectors are judged"),
         (["--claim", "rendering"], "must have the form"),

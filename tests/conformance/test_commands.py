@@ -4,22 +4,25 @@ import html
 import json
 import os
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 import toy_operations
-from toy_operations import INPUTS, good_program, write_program
+from toy_operations import INPUTS, PROGRAM, good_program, write_program
 
 from gsvc_conformance import reference
 from gsvc_conformance.__main__ import COMMANDS, MAINTAINING, REFERENCE, USING, main
 from gsvc_conformance.commands import list as listing
 from gsvc_conformance.report.failures import NO_PICTURES
 from gsvc_conformance.report.json import from_object
-from gsvc_conformance.vector import set_hash
+from gsvc_conformance.results import NOT_ASKED
+from gsvc_conformance.vector import VECTORS, set_hash
 from gsvc_conformance.vector_folder import VectorFolder
 
 ROOT = Path(__file__).parents[2]
@@ -130,6 +133,39 @@ def test_skips(folder, toy_module, capsys):
     assert re.search(r"class quantization\s+not claimed", capsys.readouterr().out)
 
 
+@pytest.mark.parametrize("jobs", ["1", "2"])
+def test_a_time_that_is_used(folder, tmp_path, capsys, jobs):
+    """The vectors with the least work are asked for, a rerun has the option, and nothing can be quoted."""
+    slow = write_program(tmp_path, "import time\ntime.sleep(0.4)\n" + PROGRAM.format(home=str(Path(__file__).parent)))
+    words = ["--impl", slow, "--json", str(tmp_path / "report.json"), "--jobs", jobs]
+    assert run(folder, *words, "--seconds", "0.3") == 0
+    value = json.loads((tmp_path / "report.json").read_text())
+    asked = [result["id"] for result in value["results"] if result["outcome"] == "pass"]
+    assert asked == (["uncommon/parse/empty"] if jobs == "1" else ["core/parse/three_bytes", "uncommon/parse/empty"])
+    assert {result["message"] for result in value["results"] if result["outcome"] == "skipped"} == {NOT_ASKED}
+    left = len(INPUTS) - len(asked)
+    assert capsys.readouterr().out.endswith(f"; no class is complete; {left} vectors not asked\n")
+    assert from_object(value).whole_command.endswith(" --seconds 0.3")
+    assert from_object(value).quotes() == []
+    assert main(["report", str(tmp_path / "report.json")]) == 0
+    assert capsys.readouterr().out.endswith(f"; {left} vectors not asked\n")
+    for other in (["--claim", "bitstream,paper,1"], ["--order", "1"]):
+        assert run(folder, "--reference", "--seconds", "1", *other) == 2
+        assert "--seconds has an order of its own" in capsys.readouterr().err
+
+
+def test_vectors_with_little_work_come_first():
+    vectors = VectorFolder(VECTORS)
+    names = (
+        "core/render_sum/a_splat_in_the_middle",
+        "core/render_sum/many_splats_400",
+        "stress/render_sum/long_frame_wide",
+    )
+    simple, many, long = map(vectors.work, names)
+    assert simple < 2000
+    assert min(many, long) > 500_000
+
+
 def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsys):
     name = toy_module(paint=wrong_frames, halve=wrong_halves)
     files = {kind: str(tmp_path / f"report.{kind}") for kind in ("json", "junit", "html")}
@@ -169,6 +205,29 @@ def test_files_of_a_run_and_the_report_again(folder, toy_module, tmp_path, capsy
     assert main([*words, "--keep", str(kept), "--vectors", str(folder)]) == 1
     assert again.read_text() == page
     assert (tmp_path / "again.xml").read_text() == Path(files["junit"]).read_text()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="masks of signals of POSIX")
+def test_a_signal_ends_the_run_and_not_the_compiler_of_a_driver(folder, toy_module, tmp_path, capsys):
+    """A driver may abort the process whose compiler was ended, and nothing would be written."""
+    code = "import signal; print(*map(int, signal.pthread_sigmask(signal.SIG_BLOCK, [])))"
+    blocked = []
+
+    def halve(values):
+        compiler = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+        blocked.extend(map(int, compiler.stdout.split()))
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(60)
+
+    def mask():
+        return signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+    before, file = mask(), tmp_path / "report.json"
+    assert run(folder, "--module", toy_module(halve=halve), "--json", str(file)) == 128 + signal.SIGTERM
+    assert {signal.SIGTERM, signal.SIGHUP} <= set(blocked)
+    assert "ended early, after " in json.loads(file.read_text())["ended"]
+    assert mask() == before
+    assert capsys.readouterr().out.endswith("ENDED EARLY, before all vectors were judged\n")
 
 
 def test_kept_files_of_an_earlier_run_are_removed(folder, toy_module, tmp_path):

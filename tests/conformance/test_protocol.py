@@ -1,5 +1,6 @@
 """protocol.md and its examples: what stands there is true, complete, and works; manifests follow their schema."""
 
+import ast
 import json
 import re
 import shutil
@@ -46,6 +47,32 @@ def test_the_table_of_operations_is_that_of_the_code():
 @pytest.mark.parametrize("name", ["minimal.c", "minimal.py"])
 def test_examples_are_quoted_in_full(name):
     assert f"```{name.partition('.')[2].replace('py', 'python')}\n{(EXAMPLES / name).read_text()}```" in PROTOCOL
+
+
+def test_the_example_in_python_runs_where_old_code_does():
+    """Its syntax is that of Python 3.8; annotations are not evaluated, and no operator there is newer than that."""
+    tree = ast.parse((EXAMPLES / "minimal.py").read_text(encoding="utf-8"), feature_version=(3, 8))
+    assert any(isinstance(node, ast.ImportFrom) and node.module == "__future__" for node in tree.body)
+    assert not any(isinstance(node, ast.BitOr) for node in ast.walk(tree))  # of dicts, since Python 3.9
+    hints = {
+        hint for node in ast.walk(tree) for hint in (getattr(node, "annotation", None), getattr(node, "returns", None))
+    }
+    evaluated = list(ast.walk(Unannotated(hints).visit(tree)))
+    names = [
+        node.value.id for node in evaluated if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name)
+    ]
+    assert names
+    assert not set(names) & {"dict", "list", "tuple", "set", "Callable"}
+
+
+class Unannotated(ast.NodeTransformer):
+    """Takes annotations out of a tree."""
+
+    def __init__(self, hints) -> None:
+        self._hints = hints
+
+    def visit(self, node):
+        return None if node in self._hints else super().visit(node)
 
 
 def test_what_the_protocol_says_of_the_code():
@@ -126,6 +153,14 @@ def compiled(tmp_path_factory) -> str:
     flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-O2"]
     subprocess.run([compiler, *flags, "-o", str(program), str(EXAMPLES / "minimal.c"), "-lm"], check=True)
     return str(program)
+
+
+def test_the_example_in_c_compiles_as_c_plus_plus(tmp_path):
+    compiler = shutil.which("g++") or shutil.which("clang++")
+    if compiler is None:
+        pytest.skip("there is no C++ compiler")
+    flags = ["-x", "c++", "-std=c++11", "-Wall", "-Wextra", "-Werror", "-fsyntax-only"]
+    subprocess.run([compiler, *flags, str(EXAMPLES / "minimal.c")], check=True)
 
 
 @pytest.fixture

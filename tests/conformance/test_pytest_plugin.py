@@ -4,6 +4,7 @@ import importlib
 import json
 import subprocess
 import sys
+import time
 import tomllib
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -16,6 +17,7 @@ from toy_operations import INPUTS, good_program
 
 from gsvc_conformance import diagnosis, pytest_vectors
 from gsvc_conformance.operation import input_size
+from gsvc_conformance.results import NOT_ASKED
 from gsvc_conformance.vector_folder import VectorFolder
 
 pytest_plugins = ["pytester"]
@@ -56,9 +58,9 @@ def sentence(result):
     return line.removeprefix("ERROR: ")
 
 
-def test_vectors_are_added_to_the_tests_that_are_there(run, toy_module):
+def test_the_vectors_run_alone(run, toy_module):
     result = run("-q", "--gsvc-module", toy_module())
-    result.assert_outcomes(passed=len(INPUTS) + 1)
+    result.assert_outcomes(passed=len(INPUTS))
     assert result.ret == 0
     result.stdout.fnmatch_lines(
         [
@@ -67,6 +69,19 @@ def test_vectors_are_added_to_the_tests_that_are_there(run, toy_module):
             "passes vectors of no set (sha256 *), class training, profile paper, level 5, 0 waivers",
         ]
     )
+
+
+@pytest.mark.parametrize("settings", ["", "[pytest]\ntestpaths = .\n"])
+def test_tests_that_cannot_be_imported_stay_out_of_the_way(run, toy_module, pytester, settings):
+    """Those of a fork of gsplat without its CUDA extension."""
+    pytester.makeini(settings)
+    theirs = pytester.makepyfile(test_theirs="raise ImportError('no CUDA extension')")
+    words = ["-q", "--gsvc-module", toy_module()]
+    run(*words).assert_outcomes(passed=len(INPUTS))
+    run(*words, "-m", "gsvc").assert_outcomes(passed=len(INPUTS))
+    run(*words, "test_own.py").assert_outcomes(passed=len(INPUTS) + 1)
+    run("-q", "test_own.py", vectors=False).assert_outcomes(passed=1)
+    assert run(*words, str(theirs)).ret == pytest.ExitCode.INTERRUPTED
 
 
 def test_without_an_option_nothing_is_added_and_nothing_imported(run):
@@ -80,7 +95,7 @@ def test_without_an_option_nothing_is_added_and_nothing_imported(run):
 
 def test_a_failure_shows_the_message_of_the_kit_and_the_command_that_works(run, toy_module, folder):
     result = run("-q", "--gsvc-module", toy_module(halve=wrong_halves))
-    result.assert_outcomes(passed=len(INPUTS), failed=1)
+    result.assert_outcomes(passed=len(INPUTS) - 1, failed=1)
     again = f"pytest --gsvc-module=toy_implementation --gsvc-vectors={folder} {ID}"
     result.stdout.fnmatch_lines(
         [
@@ -103,10 +118,10 @@ def test_a_failure_shows_the_message_of_the_kit_and_the_command_that_works(run, 
 def test_k_x_and_lf(run, toy_module):
     name = toy_module(halve=wrong_halves, parse=lambda stream: {"count": np.asarray(0), "error": ""})
     words = ["-q", "--gsvc-module", name]
-    run(*words, "-k", "halve or by_two").assert_outcomes(failed=1, passed=1, deselected=len(INPUTS) - 1)
-    run(*words, "-m", "gsvc", "-x").assert_outcomes(failed=1, deselected=1)
-    run(*words).assert_outcomes(failed=3, passed=len(INPUTS) - 2)
-    run(*words, "--lf").assert_outcomes(failed=3, deselected=len(INPUTS) - 2)
+    run(*words, "-k", "halve or by_two").assert_outcomes(failed=1, passed=1, deselected=len(INPUTS) - 2)
+    run(*words, "-m", "gsvc", "-x", ".").assert_outcomes(failed=1, deselected=1)
+    run(*words).assert_outcomes(failed=3, passed=len(INPUTS) - 3)
+    run(*words, "--lf").assert_outcomes(failed=3, deselected=len(INPUTS) - 3)
 
 
 def test_vectors_come_from_the_simple_to_the_hard(folder):
@@ -128,7 +143,7 @@ def test_a_search_for_causes_that_fails_ends_nothing(run, toy_module, monkeypatc
 
     monkeypatch.setattr(diagnosis, "diagnose", failing)
     result = run("-q", "--gsvc-module", toy_module(halve=wrong_halves))
-    result.assert_outcomes(passed=len(INPUTS), failed=1)
+    result.assert_outcomes(passed=len(INPUTS) - 1, failed=1)
     result.stdout.fnmatch_lines([
         "class quantization failed: 1 of 1 *",
     ])  # fmt: skip
@@ -137,13 +152,33 @@ def test_a_search_for_causes_that_fails_ends_nothing(run, toy_module, monkeypatc
 
 def test_options_choose_vectors_and_node_ids_prevail(run, toy_module):
     words = ["-q", "--gsvc-module", toy_module()]
-    run(*words, "--gsvc-operation", "scale", "--gsvc-operation", "halve").assert_outcomes(passed=5)
-    run(*words, "--gsvc-class", "bitstream", "--gsvc-case", "core/*").assert_outcomes(passed=2)
+    run(*words, "--gsvc-operation", "scale", "--gsvc-operation", "halve").assert_outcomes(passed=4)
+    run(*words, "--gsvc-class", "bitstream", "--gsvc-case", "core/*").assert_outcomes(passed=1)
     run(*words, ID).assert_outcomes(passed=1)
     run(*words, f"../{ID}").assert_outcomes(passed=1)
     run(*words, "gsvc::core/scale/*", "test_own.py").assert_outcomes(passed=3)
     run(*words, "gsvc::", "--gsvc-operation", "scale").assert_outcomes(passed=3)
     run(*words, "test_own.py").assert_outcomes(passed=len(INPUTS) + 1)
+
+
+def test_a_time_that_is_used(run, toy_module):
+    """The vector with the least work is asked for, and no other."""
+
+    def slow(stream):
+        time.sleep(0.3)
+        return toy_operations.parse(stream)
+
+    result = run("-q", "-rs", "--gsvc-module", toy_module(parse=slow), "--gsvc-seconds", "0.2")
+    result.assert_outcomes(passed=1, skipped=len(INPUTS) - 1)
+    result.stdout.fnmatch_lines(
+        [
+            f"1 of {len(INPUTS)} vectors ran: 1 pass, {len(INPUTS) - 1} skipped; *",
+            f"SKIPPED [[]{len(INPUTS) - 1}] *{NOT_ASKED}",
+        ]
+    )
+    assert "--gsvc-seconds takes a number of seconds, not 0" in sentence(
+        run("--gsvc-module", toy_module(), "--gsvc-seconds", "0")
+    )
 
 
 def test_options_of_the_configuration_give_way_to_paths(run, toy_module, pytester, folder):
@@ -158,7 +193,7 @@ def test_what_is_unsupported_is_skipped_with_its_reason(run, toy_module):
         raise NotImplementedError("no streams today")
 
     result = run("-q", "-rs", "--gsvc-module", toy_module(parse=only_small, halve=None))
-    result.assert_outcomes(passed=len(INPUTS) - 3, skipped=4)
+    result.assert_outcomes(passed=len(INPUTS) - 4, skipped=4)
     result.stdout.fnmatch_lines(["SKIPPED [[]1] *toy_implementation has no function halve*"])
     result.stdout.fnmatch_lines(["SKIPPED [[]3] *no streams today*"])
     assert result.outlines[0].count("s") == 3  # what has no function prints no letter
@@ -180,11 +215,11 @@ def test_waivers_are_strict_xfail(run, toy_module, pytester):
     file = pytester.makefile(".toml", known=WAIVERS)
     words = ["-q", "-rx", "--gsvc-waivers", file.name, "--gsvc-module"]
     result = run(*words, toy_module(halve=wrong_halves))
-    result.assert_outcomes(xfailed=1, passed=len(INPUTS))
+    result.assert_outcomes(xfailed=1, passed=len(INPUTS) - 1)
     result.stdout.fnmatch_lines([f"XFAIL {ID} - *bug 12 (https://example.org/12) (waived fail: output count is 0*"])
-    run(*words, toy_module(halve=wrong_halves), "--runxfail").assert_outcomes(failed=1, passed=len(INPUTS))
+    run(*words, toy_module(halve=wrong_halves), "--runxfail").assert_outcomes(failed=1, passed=len(INPUTS) - 1)
     stale = run(*words, toy_module())
-    stale.assert_outcomes(failed=1, passed=len(INPUTS))
+    stale.assert_outcomes(failed=1, passed=len(INPUTS) - 1)
     stale.stdout.fnmatch_lines(['  it passes, so take it out of the waiver "bug 12" in known.toml'])
     stale.stdout.fnmatch_lines(["1 vector passes with a stale waiver: take it out"])
     part = run(*words, toy_module(), "--gsvc-operation", "halve")
@@ -197,7 +232,7 @@ def test_waivers_are_strict_xfail(run, toy_module, pytester):
 
 def test_a_command(run, tmp_path):
     words = ["-q", "--gsvc-operation", "halve", "--gsvc-impl", good_program(tmp_path)]
-    run(*words, "--gsvc-timeout", "50").assert_outcomes(passed=2)
+    run(*words, "--gsvc-timeout", "50").assert_outcomes(passed=1)
     assert sentence(run(*words, "--gsvc-timeout", "soon")) == "--gsvc-timeout takes a number of seconds, not soon"
 
 
@@ -235,7 +270,7 @@ def test_wrong_use_is_told_in_a_sentence(run, toy_module, pytester):
 def test_a_damaged_vector_is_told_without_a_traceback(run, toy_module, folder):
     (folder / "core/halve/one_to_six/values.npy").write_bytes(b"")
     result = run("-q", "--gsvc-module", toy_module())
-    result.assert_outcomes(failed=1, passed=len(INPUTS))
+    result.assert_outcomes(failed=1, passed=len(INPUTS) - 1)
     result.stdout.fnmatch_lines(["*values.npy is not the file that SHA256SUMS lists*"])
     result.stdout.no_fnmatch_line("*Traceback*")
 

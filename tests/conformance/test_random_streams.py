@@ -20,7 +20,7 @@ from gsvc_ref.testing.random_main_streams import random_main_stream
 
 @pytest.fixture(scope="module")
 def sixty():
-    return [stream_of(0, number) for number in range(60)]
+    return [stream_of(0, number, profiles=["paper"]) for number in range(60)]
 
 
 OF_MAIN = {

@@ -2,6 +2,7 @@
 
 import datetime
 import hashlib
+import math
 import platform
 import shlex
 import sys
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from gsvc_base.cli.arguments import whole
+from gsvc_base.cli.arguments import positive, whole
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import UsageError
@@ -73,6 +74,10 @@ def add_judging(parser: ArgumentParser) -> None:
         "--order", type=whole, metavar="SEED",
         help="ask in another order, by the SHA-256 of 'SEED ID': what a module or a server keeps from vector to vector "
         "shows; a command is a new process for each vector, and keeps what it keeps in files only",
+    )  # fmt: skip
+    parser.add_argument(
+        "--seconds", type=positive, metavar="S",
+        help="ask for small vectors first, and for no more once S seconds are used: for an implementation that is slow",
     )  # fmt: skip
     outputs = parser.add_argument_group("output", "relative paths begin in the current folder")
     outputs.add_argument(
@@ -160,6 +165,10 @@ def _plan(arguments: Namespace) -> _Plan:
     """
     if arguments.strict_waivers and not arguments.waivers:
         raise UsageError("--strict-waivers needs --waivers FILE")
+    if arguments.seconds and (arguments.claim or arguments.order is not None):
+        raise UsageError(
+            "--seconds has an order of its own, and leaves out vectors: it goes without --claim and --order"
+        )
     claim = read_claim(arguments.claim) if arguments.claim else None
     features = read_features(arguments.features) if arguments.features else None
     if claim and features:
@@ -212,12 +221,11 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                     book.add(judged.vector, judged.outputs, judged.result)
 
             waivers = plan.waivers.reasons(plan.folder.names)
-            order = plan.names if arguments.order is None else shuffled(plan.names, arguments.order)
             run_suite(
-                implementation, plan.folder.read(order), waivers=waivers, skips=plan.skips,
+                implementation, plan.folder.read(_in_order(arguments, plan)), waivers=waivers, skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
                 level=plan.claim.level if plan.claim else 1, features=plan.features,
-                profile=plan.claim.profile if plan.claim else "",
+                profile=plan.claim.profile if plan.claim else "", seconds=arguments.seconds or math.inf,
             )  # fmt: skip
             display.update("looking for causes", len(plan.names), len(plan.names))
             results, notes = (done, []) if arguments.no_diagnosis else causes.find(done)
@@ -270,7 +278,8 @@ def _check_claim(claim: Claim, names: Iterable[str]) -> None:
         )
     there = {operations()[name.split("/")[1]].group for name in names}
     if missing := [group for group in claim.judged if group not in there]:
-        raise UsageError(f"there are no vectors of the class {', '.join(missing)}; see gsvc-conformance list")
+        which = f"profile {claim.profile} in the class {', '.join(missing)}"
+        raise UsageError(f"there are no vectors of {which}; see gsvc-conformance list")
 
 
 def _of_no_claim(name: str) -> bool:
@@ -283,6 +292,13 @@ def _end(error: BaseException, count: int, total: int) -> str:
     why = str(error) if isinstance(error, UsageError) else f"{type(error).__name__}: {error}"
     why = "interrupted" if isinstance(error, KeyboardInterrupt) else why
     return f"ended early, after {count} of {plural(total, 'vector')}: {why}"
+
+
+def _in_order(arguments: Namespace, plan: _Plan) -> list[str]:
+    """The vectors in the order in which they are asked for."""
+    if arguments.seconds:
+        return sorted(plan.names, key=plan.folder.work)
+    return plan.names if arguments.order is None else shuffled(plan.names, arguments.order)
 
 
 def shuffled(names: Iterable[str], seed: int) -> list[str]:
@@ -330,7 +346,12 @@ def _options(arguments: Namespace) -> list[str]:
         "tier": arguments.tier, "operation": arguments.operation, "class": arguments.group, "case": arguments.case,
         "rule": arguments.rule, "equation": arguments.equation, "flag": arguments.flag, "skip": arguments.skip,
     }  # fmt: skip
-    single = {"claim": arguments.claim, "waivers": arguments.waivers, "order": arguments.order}
+    single = {
+        "claim": arguments.claim,
+        "waivers": arguments.waivers,
+        "order": arguments.order,
+        "seconds": arguments.seconds,
+    }
     words = [word for name, values in several.items() for value in values for word in (f"--{name}", value)]
     words += [word for name, value in single.items() if value is not None for word in (f"--{name}", str(value))]
     return [*words, *(["--strict-waivers"] if arguments.strict_waivers else [])]

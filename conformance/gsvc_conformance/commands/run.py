@@ -6,6 +6,7 @@ from typing import Final
 
 from gsvc_base.cli.arguments import positive, whole
 from gsvc_base.errors import UsageError
+from gsvc_base.interrupts import sparing_children
 from gsvc_conformance import implementations, process, server
 from gsvc_conformance.commands import PROTOCOL
 from gsvc_conformance.commands.judging import add_judging, judge
@@ -78,6 +79,7 @@ def _implementation(arguments: Namespace, stack: ExitStack) -> implementations.I
         served = server.ServerImplementation(arguments.serve, arguments.timeout, arguments.start_timeout)
         return stack.enter_context(served)
     if arguments.module is not None:
+        stack.enter_context(sparing_children())
         return implementations.load_module(arguments.module)
     return spec_implementation() if arguments.spec else reference_implementation()
 

@@ -137,10 +137,11 @@ def last_line(report: Report) -> str:
 
 
 def conclusion(report: Report) -> tuple[str, str]:
-    """The conclusion, and what restricts it, the number of waived failures too."""
+    """The conclusion, and what restricts it, the numbers of waived failures and of vectors not asked too."""
     words, rest = _conclusion(report)
     waived = sum(result.outcome == "waived" for result in report.results)
-    return words, f"{rest}; {waived:,} waived" if waived else rest
+    rest += f"; {waived:,} waived" if waived else ""
+    return words, f"{rest}; {plural(report.not_asked, 'vector')} not asked" if report.not_asked else rest
 
 
 def _conclusion(report: Report) -> tuple[str, str]:
