@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gsvc_base.arrays import F8, I8
 from gsvc_base.exact.expansions import Expansion, certain, exact, joined, where
-from gsvc_base.rendering.bounds import EPS, ETA, additions, gamma
+from gsvc_base.rendering.error_models import EPS, ETA, additions, gamma
 
 QUOTIENT_ERROR = 3.5 * EPS
 ROOT_ERROR = 2.5 * EPS

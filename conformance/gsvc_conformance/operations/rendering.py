@@ -10,8 +10,9 @@ from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import exact
 from gsvc_base.exact.running_error import Computed, given, stack, with_bound
-from gsvc_base.rendering.bounds import EPS, ETA, error_footprints, frame_limits
+from gsvc_base.rendering.bounds import error_footprints, frame_limits
 from gsvc_base.rendering.definition import added
+from gsvc_base.rendering.error_models import EPS, ETA
 from gsvc_base.splats import Splats
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
 from gsvc_conformance.operation import numbered, paired

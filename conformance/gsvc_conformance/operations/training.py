@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gsvc_base.exact.expansions import Expansion, certain, exact
 from gsvc_base.exact.running_error import COMPONENTS
 from gsvc_base.exact.training_bounds import adan_step_with_bound, loss_with_bound, weighted_gradients_with_bound
-from gsvc_base.rendering.bounds import EPS, ETA
+from gsvc_base.rendering.error_models import EPS, ETA
 from gsvc_conformance.expectations import Bounded, Exact, Expectation
 from gsvc_conformance.operation import paired
 
