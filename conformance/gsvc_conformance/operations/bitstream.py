@@ -1,12 +1,14 @@
 """Streams: what their bytes say, the splats that they stand for, and their frames (spec.md sections 5 to 9 and 12)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.rendering.error_models import ErrorModel
 from gsvc_conformance.expectations import Exact, Expectation, Interval, Refusal
-from gsvc_conformance.operation import operations, paired
+from gsvc_conformance.operation import Values, operations, paired
+from gsvc_conformance.operations.rendering import frame_by_model
 from gsvc_conformance.pairs import twin
 
 CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",
@@ -82,19 +84,33 @@ paired(
 
 
 def _intervals(stream: bytes) -> dict[str, Expectation]:
-    """Each frame's interval, derived from the exact sum and its bound; an R-frame has that of the one before."""
+    """Each frame's interval, derived from the exact sum and its bound."""
+    rendered = operations()["render_frame"].oracle
+    return _of_frames(stream, lambda _, given: rendered(**given)["frame"])
+
+
+def _intervals_by_model(
+    model: ErrorModel, expected: Mapping[str, Expectation], inputs: Values
+) -> dict[str, Expectation]:
+    """Each frame's interval by another error model."""
+    frames = expected["frames"].value
+    return _of_frames(
+        inputs["stream"], lambda number, given: frame_by_model(model, {"frame": Exact(frames[number])}, given)["frame"]
+    )
+
+
+def _of_frames(stream: bytes, interval: Callable[[int, Values], Any]) -> dict[str, Expectation]:
+    """The intervals of all frames from the number and the inputs of each; an R-frame has that of the one before."""
     from gsvc_ref.stream import StreamReader
 
     header = StreamReader(stream).header
     size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
-    rendered = operations()["render_frame"].oracle
-    frames: list[Any] = []
-    for frame in StreamReader(stream):
-        repeated = frame.type == "R"
-        frames.append(frames[-1] if repeated else rendered(parameters=frame.splats.to_array(), **size)["frame"])
-    return {
-        "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
-    }
+    found: list[Any] = []
+    for number, frame in enumerate(StreamReader(stream)):
+        given = {"parameters": frame.splats.to_array(), **size}
+        found.append(found[-1] if frame.type == "R" else interval(number, given))
+    parts = (np.stack([getattr(one, part) for one in found]) for part in ("value", "lowest", "highest"))
+    return {"frames": Interval(*parts)}
 
 
 paired(
@@ -106,6 +122,7 @@ paired(
     equations=("9-1", "9-2"),
     rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
     oracle=_intervals,
+    by_model=_intervals_by_model,
 )
 
 
