@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final, get_args
 
 from gsvc_base.errors import UsageError
+from gsvc_base.rendering.error_models import FP32, MODELS, ErrorModel
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import OPTIONS, Group
 from gsvc_conformance.profiles import PROFILES
@@ -12,7 +13,7 @@ from gsvc_conformance.spelling import question
 
 DECLARED: Final = ("live",)
 """Options that no vector judges: an implementation declares them."""
-FORM: Final = "CLASS[+CLASS...],PROFILE,LEVEL[,OPTION...]"
+FORM: Final = "CLASS[+CLASS...],PROFILE,LEVEL[,OPTION...][,MODEL]"
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,15 @@ class Claim:
         The highest level of spec.md section 5 that it is ready for.
     options
         Classes that are options (`OPTIONS`), and options that are only declared (`DECLARED`).
+    model
+        The error model.
     """
 
     classes: tuple[str, ...]
     profile: str
     level: int
     options: tuple[str, ...] = ()
+    model: ErrorModel = FP32
 
     @property
     def judged(self) -> tuple[str, ...]:
@@ -47,7 +51,8 @@ class Claim:
         return tuple(option for option in self.options if option in DECLARED)
 
     def __str__(self) -> str:
-        return ",".join(["+".join(self.classes), self.profile, str(self.level), *self.options])
+        model = [self.model.name] * (self.model is not FP32)
+        return ",".join(["+".join(self.classes), self.profile, str(self.level), *self.options, *model])
 
 
 def read_claim(text: str) -> Claim:
@@ -61,12 +66,29 @@ def read_claim(text: str) -> Claim:
     parts = [part.strip() for part in text.split(",")]
     if len(parts) < 3:
         raise UsageError(f"the claim {text!r} must have the form {FORM}: bitstream+rendering,paper,2")
-    classes, profile, level, options = parts[0].split("+"), parts[1], parts[2], parts[3:]
+    classes, profile, level = parts[0].split("+"), parts[1], parts[2]
+    models = [part for part in parts[3:] if "/" in part]
+    options = [part for part in parts[3:] if part not in models]
     _check("class", classes, get_args(Group))
     _check("profile", [profile], PROFILES)
     _check("level", [level], [str(number) for number in LEVELS])
     _check("option", options, (*OPTIONS, *DECLARED))
-    return Claim(tuple(classes), profile, int(level), tuple(options))
+    if len(models) > 1:
+        raise UsageError(f"the claim names several error models: {', '.join(models)}")
+    return Claim(tuple(classes), profile, int(level), tuple(options), read_model(models[0]) if models else FP32)
+
+
+def read_model(name: str) -> ErrorModel:
+    """An error model of spec.md section 13.3 by its name.
+
+    Raises
+    ------
+    UsageError
+        There is none of that name.
+    """
+    if name not in MODELS:
+        raise UsageError(f"there is no error model {name!r}{question(name, MODELS) or f'; it is {_one_of([*MODELS])}'}")
+    return MODELS[name]
 
 
 def _check(what: str, given: Sequence[str], known: Sequence[str]) -> None:

@@ -181,12 +181,15 @@ class Bounded:
         The type that an implementation returns.
     groups
         Columns (of the last axis) whose errors are judged together too: relative L2 and signed bias.
+    may_overflow
+        Whether an element with an infinite bound may be infinite or NaN.
     """
 
     value: Array
     bound: Array
     dtype: str = "<f4"
     groups: tuple[tuple[int, int], ...] = field(default=())
+    may_overflow: bool = False
     check: ClassVar[CheckClass] = "bounded"
 
     def judge(self, actual: object) -> Judgement:
@@ -199,7 +202,7 @@ class Bounded:
         wide = actual.astype(np.float64)
         same_infinity = np.isinf(wide) & (wide == self.value)
         finite = np.isfinite(wide) & np.isfinite(self.value)
-        wrong_kind = ~(finite | same_infinity)
+        wrong_kind = ~(finite | same_infinity | (self.may_overflow & np.isinf(self.bound)))
         if wrong_kind.any():
             place = _first(wrong_kind)
             at = f" at {list(place)}" if place else ""

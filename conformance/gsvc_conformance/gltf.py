@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from gsvc_base.constants import LN_255
 from gsvc_base.errors import UsageError
-from gsvc_base.rendering.bounds import EPS, error_footprints
+from gsvc_base.rendering.bounds import error_footprints
+from gsvc_base.rendering.error_models import EPS
 from gsvc_conformance.expectations import Bounded, Interval
 from gsvc_conformance.report.png import png
 from gsvc_conformance.vector import Vector, npy

@@ -9,6 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from gsvc_base.errors import UsageError
+from gsvc_base.rendering.error_models import ErrorModel
 from gsvc_conformance.expectations import Exact, Expectation
 from gsvc_conformance.pairs import PAIRS, answer
 from gsvc_conformance.spelling import question
@@ -21,6 +22,8 @@ Group = Literal[
     "metrics", "seeking", "sizes", "layers", "encoder",
 ]  # fmt: skip
 """The conformance class that an operation belongs to (spec.md section 13); `OPTIONS` are options of a claim."""
+
+ByModel = Callable[[ErrorModel, Mapping[str, Expectation], Values], Mapping[str, Expectation]]
 
 OPTIONS: Final = ("seeking", "sizes", "layers")
 """Classes that a claim names as options."""
@@ -84,6 +87,9 @@ class Operation:
         gsvc_ref's answer.
     oracle
         The function from the inputs to the expectations of the outputs.
+    by_model
+        The function from an error model, the expectations of fp32/1 and the inputs to the expectations of the model
+        (R-13.3-1); None where these are the same.
     """
 
     name: str
@@ -95,6 +101,7 @@ class Operation:
     rules: tuple[str, ...]
     reference: Callable[..., Values]
     oracle: Callable[..., Mapping[str, Expectation]]
+    by_model: ByModel | None = None
 
 
 _OPERATIONS: dict[str, Operation] = {}
@@ -108,6 +115,7 @@ def operation(
     equations: tuple[str, ...] = (),
     rules: tuple[str, ...] = (),
     oracle: Callable[..., Mapping[str, Expectation]] | None = None,
+    by_model: ByModel | None = None,
 ) -> Callable[[Callable[..., Values]], Callable[..., Values]]:
     """Define an operation by gsvc_ref's answer, whose docstring begins with the title.
 
@@ -121,6 +129,8 @@ def operation(
         The equations and rules that every case of the operation exercises.
     oracle
         The function from inputs to expectations; None: exactly gsvc_ref's answer, which the code inside spec.md checks.
+    by_model
+        As in `Operation`.
     """
 
     def define(reference: Callable[..., Values]) -> Callable[..., Values]:
@@ -128,7 +138,7 @@ def operation(
         title = (reference.__doc__ or "").partition("\n")[0]
         _OPERATIONS[name] = Operation(
             name, group, title, _ports(inputs), _ports(outputs), equations, rules, reference,
-            oracle or exactly(reference),
+            oracle or exactly(reference), by_model,
         )  # fmt: skip
         return reference
 
@@ -145,6 +155,7 @@ def paired(
     equations: tuple[str, ...] = (),
     rules: tuple[str, ...] = (),
     oracle: Callable[..., Mapping[str, Expectation]] | None = None,
+    by_model: ByModel | None = None,
 ) -> None:
     """Define an operation that gsvc_ref has by its name (`gsvc_conformance.pairs`), as `operation` does."""
     of_outputs = {port.name: port.type for port in _ports(outputs)}
@@ -153,7 +164,9 @@ def paired(
         return answer(name, of_outputs, given)
 
     reference.__name__, reference.__doc__ = name, title
-    operation(group, inputs=inputs, outputs=outputs, equations=equations, rules=rules, oracle=oracle)(reference)
+    operation(
+        group, inputs=inputs, outputs=outputs, equations=equations, rules=rules, oracle=oracle, by_model=by_model
+    )(reference)
 
 
 def numbered(section: int, first: int, last: int) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Final, Literal, get_args
 
 from gsvc_base.cli.text import plural, printable
+from gsvc_base.rendering.error_models import FP32
 from gsvc_conformance.claim import Claim
 from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
@@ -252,6 +253,8 @@ class Report:
         Sentences about waivers that have to leave their file, where a run must have none.
     options
         The options that say which vectors were judged, as words of a command; empty for all.
+    model
+        The name of the error model by which they were.
     """
 
     environment: Mapping[str, str]
@@ -266,6 +269,7 @@ class Report:
     features: Features | None = None
     stale: Sequence[str] = ()
     options: str = ""
+    model: str = FP32.name
 
     def __post_init__(self) -> None:
         _make_printable(self)
@@ -342,13 +346,18 @@ class Report:
 
     def _quote(self, group: Summary, profile: str) -> str:
         level = self.claim.level if self.claim else group.level
-        what = f"{self.vectors}, class {group.name}, profile {profile}, level {level}"
+        what = f"{self.vectors}, class {group.name}, profile {profile}{self._model_of(group)}, level {level}"
         if group.verdict in ("passed", "waived"):
             passing, waived = group.counts["pass"], group.counts.get("waived", 0)
             if waived > passing:
                 return f"answers {passing} of {plural(passing + waived, 'vector')} rightly, {waived} waived: {what}"
             return f"passes {what}, {plural(waived, 'waiver')}"
         return f"does not pass {what}: {group.reason}"
+
+    def _model_of(self, group: Summary) -> str:
+        """The error model in words, where it is not fp32/1 and the class has operations whose bounds depend on it."""
+        depends = any(one.group == group.name and one.by_model for one in operations().values())
+        return f", model {self.model}" if depends and self.model != FP32.name else ""
 
     @property
     def verdict(self) -> str:

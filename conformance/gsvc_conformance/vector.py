@@ -10,7 +10,7 @@ import hashlib
 import io
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.errors import UsageError
+from gsvc_base.rendering.error_models import FP32, ErrorModel
 from gsvc_conformance.case import Case
 from gsvc_conformance.encoding import Task
 from gsvc_conformance.expectations import EXPECTATIONS, Bounded, Encoding, Expectation, Rate, Refusal
@@ -34,7 +35,6 @@ VECTORS: Final = PACKED if PACKED.exists() else Path(__file__).parents[2] / "vec
 SUMS: Final = "SHA256SUMS"
 MANIFEST: Final = "manifest.json"
 SPEC_VERSION: Final = "1.0-draft.2"
-ERROR_MODEL: Final = "fp32/1"
 FIELDS: Final[Schema] = {
     **dict.fromkeys(("id", "tier", "operation", "class", "title", "reason"), (TEXT, NEEDED)), "profile": (TEXT, ANY),
     **dict.fromkeys(("rules", "equations", "flags"), (TEXTS, NEEDED)), "kills": (TEXTS, []), "level": (COUNT, 1),
@@ -77,6 +77,13 @@ class Vector:
     def level(self) -> int:
         """The level of spec.md section 5 from which on a claim needs the vector; 1 for one that is in no folder."""
         return int(self.manifest.get("level", 1))
+
+    def by_model(self, model: ErrorModel) -> "Vector":
+        """The vector with the bounds of an error model; files have those of fp32/1."""
+        judge = self.operation.by_model
+        return (
+            self if model is FP32 or judge is None else replace(self, expected=judge(model, self.expected, self.inputs))
+        )
 
 
 def files_of(case: Case, inputs: Values, expected: Mapping[str, Expectation]) -> dict[str, bytes]:
@@ -349,7 +356,7 @@ def _expectation(name: str, expectation: Expectation, files: dict[str, bytes]) -
     for part, array in expectation.parts().items():
         entry[part or "expected"] = _store(f"{name}.{part or 'expected'}", array, files)
     if isinstance(expectation, Bounded):
-        entry |= {"dtype": expectation.dtype, "groups": [list(g) for g in expectation.groups], "model": ERROR_MODEL}
+        entry |= {"dtype": expectation.dtype, "groups": [list(g) for g in expectation.groups], "model": FP32.name}
     for number in ("margin", "guard"):
         if getattr(expectation, number, None) is not None:
             entry[number] = getattr(expectation, number)

@@ -12,12 +12,13 @@ from gsvc_base.arrays import F4, I8
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import Expansion, exact
 from gsvc_base.exact.running_error import COMPONENTS, Computed, given, rounded_once, stack, with_bound
+from gsvc_base.rendering.error_models import FP32, ErrorModel
 
 WithBound = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Numbers and their bounds, f8 of one shape."""
 
 
-def loss_with_bound(picture: F4, target: F4) -> dict[str, WithBound]:
+def loss_with_bound(picture: F4, target: F4, model: ErrorModel = FP32) -> dict[str, WithBound]:
     """The loss (10-1), (), and the residual (10-2), (H, W, 3), of a picture against its target; R-10.2-1.
 
     The difference has one rounding, its square one, the sum of 3 H W any sane order (13-4). Multiplying by a rounded
@@ -26,9 +27,10 @@ def loss_with_bound(picture: F4, target: F4) -> dict[str, WithBound]:
     height, width = picture.shape[:2]
     pixels = given(height * width)
     first, inverse, times = distinct(picture.reshape(-1), target.reshape(-1))
-    difference = given(np.clip(picture.reshape(-1)[first], 0, 1)) - given(target.reshape(-1)[first])
+    clamped, wanted = np.clip(picture.reshape(-1)[first], 0, 1), target.reshape(-1)[first]
+    difference = given(clamped, model=model) - given(wanted, model=model)
     loss = (difference * difference).total(0, times=times, rows=height, columns=width) / pixels
-    residual = given(2.0) * difference / pixels
+    residual = given(2.0, model=model) * difference / pixels
     return {"loss": with_bound(loss), "residual": with_bound(residual[inverse.reshape(picture.shape)])}
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsvc_base.rendering.bounds import additions, gamma
+from gsvc_base.rendering.error_models import additions, gamma
 from gsvc_base.splats import Splats
 from gsvc_conformance.operation import operations
 from gsvc_ref.rendering import exact_gradients_with_bound, render_gradients

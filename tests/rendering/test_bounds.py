@@ -18,7 +18,7 @@ from render_cases import (
     splat_sets,
 )  # fmt: skip
 
-from gsvc_base.rendering.bounds import EPS, gamma
+from gsvc_base.rendering.error_models import EPS, gamma
 from gsvc_base.splats import Splats
 from gsvc_ref.rendering import (
     LN_255,

@@ -11,8 +11,8 @@ from llvmlite import binding
 from render_cases import EXAMPLES, HEIGHT, JIT, NAMED, WIDTH, extreme, ordinary, population, splat_sets
 
 from gsvc_base.constants import SUPPORT_SQUARED
-from gsvc_base.rendering.bounds import EPS
 from gsvc_base.rendering.definition import footprint
+from gsvc_base.rendering.error_models import EPS
 from gsvc_ref.rendering.fast.batches import gather_batch, room_for_batch
 from gsvc_ref.rendering.fast.exponential import exp_minus_half
 from gsvc_ref.rendering.fast.jobs import LOSS_AND_GRADIENTS, Job, run_task, tiles_of_task

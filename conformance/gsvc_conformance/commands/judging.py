@@ -20,10 +20,11 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import UsageError
 from gsvc_base.files import write_text
+from gsvc_base.rendering.error_models import FP32, MODELS, ErrorModel
 from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL, OWN
 from gsvc_conformance.causes import Causes
-from gsvc_conformance.claim import FORM, Claim, read_claim
+from gsvc_conformance.claim import FORM, Claim, read_claim, read_model
 from gsvc_conformance.commands import add_selection, add_set, add_vectors, count, selection, times, vectors_of
 from gsvc_conformance.commands.outputs import add_files, check_outputs, check_writable, write_files
 from gsvc_conformance.features import Features, read_features
@@ -53,6 +54,10 @@ def add_judging(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--claim", metavar="CLAIM",
         help=f"judge a claim of conformance and nothing else: {FORM}, such as bitstream+rendering,paper,2,sizes",
+    )  # fmt: skip
+    parser.add_argument(
+        "--model", metavar="MODEL",
+        help=f"the error model that bounds are derived from: {', '.join(MODELS)} (that of the claim, or {FP32.name})",
     )  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",
@@ -118,7 +123,9 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     place = {name: number for number, name in enumerate(plan.names)}
     report = Report(
         environment=environment(implementation.name, plan.folder),
-        command=shlex.join([*command, *_vectors_words(arguments), *_features_words(arguments)]),
+        command=shlex.join(
+            [*command, *_vectors_words(arguments), *_model_words(plan.model), *_features_words(arguments)]
+        ),
         selection="" if plan.claim else str(plan.selection),
         notes=_notes(arguments, found, stale),
         results=sorted(found.results, key=lambda result: place[result.id]),
@@ -129,6 +136,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
         features=plan.features,
         stale=tuple(stale) if arguments.strict_waivers else (),
         options=shlex.join(_options(arguments)),
+        model=plan.model.name,
     )
     written, refused = write_files(arguments, report, found.pictures)
     if arguments.write_waivers:
@@ -153,6 +161,7 @@ class _Plan:
     waivers: Waivers
     names: list[str]
     skips: dict[str, str]
+    model: ErrorModel
 
 
 def _plan(arguments: Namespace) -> _Plan:
@@ -170,6 +179,7 @@ def _plan(arguments: Namespace) -> _Plan:
             "--seconds has an order of its own, and leaves out vectors: it goes without --claim and --order"
         )
     claim = read_claim(arguments.claim) if arguments.claim else None
+    model = _model(arguments.model, claim)
     features = read_features(arguments.features) if arguments.features else None
     if claim and features:
         features.check_claim(claim)
@@ -178,7 +188,22 @@ def _plan(arguments: Namespace) -> _Plan:
     names, skips = _choose(folder, chosen, tuple(arguments.skip))
     if claim:
         _check_claim(claim, names)
-    return _Plan(claim, features, folder, chosen, waivers, names, skips)
+    return _Plan(claim, features, folder, chosen, waivers, names, skips, model)
+
+
+def _model(name: str | None, claim: Claim | None) -> ErrorModel:
+    """The error model of the options.
+
+    Raises
+    ------
+    UsageError
+        There is none of that name, or the claim names another one.
+    """
+    if name is None:
+        return claim.model if claim else FP32
+    if claim and claim.model is not read_model(name):
+        raise UsageError(f"the claim {claim} is one of the error model {claim.model.name}, and --model is {name}")
+    return read_model(name)
 
 
 @dataclass(frozen=True)
@@ -221,8 +246,9 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                     book.add(judged.vector, judged.outputs, judged.result)
 
             waivers = plan.waivers.reasons(plan.folder.names)
+            vectors = (vector.by_model(plan.model) for vector in plan.folder.read(_in_order(arguments, plan)))
             run_suite(
-                implementation, plan.folder.read(_in_order(arguments, plan)), waivers=waivers, skips=plan.skips,
+                implementation, vectors, waivers=waivers, skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
                 level=plan.claim.level if plan.claim else 1, features=plan.features,
                 profile=plan.claim.profile if plan.claim else "", seconds=arguments.seconds or math.inf,
@@ -361,6 +387,10 @@ def _vectors_words(arguments: Namespace) -> list[str]:
     """The options that name the vectors and the set, unless they are the usual ones."""
     place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
     return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
+
+
+def _model_words(model: ErrorModel) -> list[str]:
+    return ["--model", model.name] if model is not FP32 else []
 
 
 def _features_words(arguments: Namespace) -> list[str]:

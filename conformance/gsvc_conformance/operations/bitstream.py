@@ -1,12 +1,14 @@
 """Streams: what their bytes say, the splats that they stand for, and their frames (spec.md sections 5 to 9 and 12)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base.rendering.error_models import ErrorModel
 from gsvc_conformance.expectations import Exact, Expectation, Interval, Refusal
-from gsvc_conformance.operation import operations, paired
+from gsvc_conformance.operation import Values, operations, paired
+from gsvc_conformance.operations.rendering import frame_by_model
 from gsvc_conformance.pairs import twin
 
 CONTAINER_RULES: Final = ("R-6.1-1", "R-6.1-2", "R-6.1-3", "R-6.1-4", "R-6.1-5", "R-6.2-1", "R-6.2-2", "R-6.2-3",
@@ -82,23 +84,37 @@ paired(
 
 
 def frame_intervals(stream: bytes, layer: int = 0) -> dict[str, Expectation]:
-    """Each frame's interval, derived from the exact sum and its bound; equal splats have that of the frame before."""
+    """Each frame's interval, derived from the exact sum and its bound."""
+    rendered = operations()["render_frame"].oracle
+    return _of_frames(stream, layer, lambda _, given: rendered(**given)["frame"])
+
+
+def frame_intervals_by_model(
+    model: ErrorModel, expected: Mapping[str, Expectation], inputs: Values
+) -> dict[str, Expectation]:
+    """Each frame's interval by another error model."""
+    frames = expected["frames"].value
+    return _of_frames(
+        inputs["stream"], inputs.get("layer", 0),
+        lambda number, given: frame_by_model(model, {"frame": Exact(frames[number])}, given)["frame"],
+    )  # fmt: skip
+
+
+def _of_frames(stream: bytes, layer: int, interval: Callable[[int, Values], Any]) -> dict[str, Expectation]:
+    """The intervals of all frames from the number and the inputs of each; equal splats have that of the frame before."""
     from gsvc_ref.stream import StreamReader
 
     reader = StreamReader(stream, layer=layer)
-    header = reader.header
-    size = {"width": header.width, "height": header.height, "bit_depth": header.bit_depth}
-    rendered = operations()["render_frame"].oracle
-    frames: list[Any] = []
+    size = {"width": reader.header.width, "height": reader.header.height, "bit_depth": reader.header.bit_depth}
+    found: list[Any] = []
     before = None
-    for frame in reader:
+    for number, frame in enumerate(reader):
         parameters = frame.splats.to_array()
         again = before is not None and parameters.tobytes() == before.tobytes()
-        frames.append(frames[-1] if again else rendered(parameters=parameters, **size)["frame"])
+        found.append(found[-1] if again else interval(number, {"parameters": parameters, **size}))
         before = parameters
-    return {
-        "frames": Interval(*(np.stack([getattr(f, part) for f in frames]) for part in ("value", "lowest", "highest")))
-    }
+    parts = (np.stack([getattr(one, part) for one in found]) for part in ("value", "lowest", "highest"))
+    return {"frames": Interval(*parts)}
 
 
 paired(
@@ -110,6 +126,7 @@ paired(
     equations=("9-1", "9-2"),
     rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
     oracle=frame_intervals,
+    by_model=frame_intervals_by_model,
 )
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.constants import LUMA_WEIGHTS
 from gsvc_base.exact.distinct import distinct
-from gsvc_base.rendering.bounds import gamma
+from gsvc_base.rendering.error_models import gamma
 from gsvc_conformance.expectations import Decision
 
 F8 = NDArray[np.float64]

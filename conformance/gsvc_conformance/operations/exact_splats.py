@@ -6,6 +6,7 @@ whether it covers the pixel is decided by its exact sigma. Equal splats are comp
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,7 @@ from gsvc_base.constants import LN_255
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import COMPONENT_COUNTS, Expansion, exact, joined, settled, sums_of, where
 from gsvc_base.rendering.bounds import SumBound, error_footprints, gradient_bound
+from gsvc_base.rendering.error_models import ErrorModel
 from gsvc_conformance.elementary import exp
 
 F4 = NDArray[np.float32]
@@ -21,6 +23,8 @@ F8 = NDArray[np.float64]
 I4 = NDArray[np.int32]
 I8 = NDArray[np.int64]
 
+FOR_BINARY64: Final = 1 + 2.0**-20
+"""Covers the errors of sums in binary64, which are far below those of models with fewer digits."""
 BATCH = 1 << 21
 """Pairs of splats and pixels that are held at a time where they need not be sorted."""
 
@@ -91,6 +95,26 @@ def gradients_with_bound(parameters: F4, residual: F4) -> tuple[F8, F8]:
         own, ranks = np.unique(batch.splat, return_inverse=True)
         gradients[own] = _gradients(splats, residual, batch, ranks)
     return gradients[inverse], bound[inverse]
+
+
+def picture_by_model(model: ErrorModel, parameters: F4, width: int, height: int) -> tuple[F8, F8]:
+    """The sum of (9-2) in binary64, and its bound by an error model with fewer digits: both (H, W, 3) f8."""
+    first, _, counts = distinct(parameters)
+    C, bound = np.zeros((height, width, 3)), SumBound(width, height, model)
+    for n, splat, pixels, errors in error_footprints(parameters[first], width, height, model):
+        C[pixels.rows, pixels.columns] += pixels.g[..., None] * (splat[5:] * counts[n])
+        bound.add(splat, pixels, errors, int(counts[n]))
+    return C, bound.bound() * FOR_BINARY64
+
+
+def gradient_bounds(model: ErrorModel, parameters: F4, residual: F4) -> F8:
+    """The bounds (13-16) of gradients by an error model, (N, 8) f8."""
+    first, inverse, _ = distinct(parameters)
+    splats, e = parameters[first], residual.astype(np.float64)
+    bound = np.zeros(splats.shape)
+    for n, splat, pixels, errors in error_footprints(splats, e.shape[1], e.shape[0], model):
+        bound[n] = gradient_bound(splat, pixels, errors, e[pixels.rows, pixels.columns], model)
+    return np.asarray(bound[inverse])
 
 
 def _batches(splats: F4, residual: F8, bound: F8) -> Iterator[Pairs]:

@@ -9,7 +9,7 @@ from typing import Any, Final
 from gsvc_base import spec
 from gsvc_conformance.expectations import Exact, Expectation, Refusal
 from gsvc_conformance.operation import exactly, paired
-from gsvc_conformance.operations.bitstream import CONTAINER_RULES, frame_intervals
+from gsvc_conformance.operations.bitstream import CONTAINER_RULES, frame_intervals, frame_intervals_by_model
 
 MAIN_RULES: Final = ("R-15.5-1", "R-15.5-2", "R-15.5-3", "R-15.5-4", "R-15.5-5", "R-15.6-1", "R-15.6-2", "R-15.6-4",
                      "R-15.6-5", "R-15.11-1", "R-15.11-2")  # fmt: skip
@@ -64,6 +64,7 @@ paired(
     equations=("9-1", "9-2"),
     rules=("R-9.1-1", "R-9.1-4", "R-9.2-1", "R-15.13-3"),
     oracle=frame_intervals,
+    by_model=frame_intervals_by_model,
 )
 
 

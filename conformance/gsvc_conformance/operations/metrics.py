@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gsvc_base.exact.expansions import certain, exact, rational
 from gsvc_base.exact.running_error import COMPONENTS
-from gsvc_base.rendering.bounds import EPS, additions, gamma
+from gsvc_base.rendering.error_models import EPS, additions, gamma
 from gsvc_conformance.elementary import log
 from gsvc_conformance.expectations import Bounded, Expectation
 from gsvc_conformance.operation import Values, operation

@@ -1,5 +1,6 @@
 """Rendering: sums, frames, gradients and other sizes (spec.md sections 9 and 10.3)."""
 
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -10,15 +11,22 @@ from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.exact.distinct import distinct
 from gsvc_base.exact.expansions import exact
 from gsvc_base.exact.running_error import Computed, given, stack, with_bound
-from gsvc_base.rendering.bounds import EPS, ETA, error_footprints, frame_limits
+from gsvc_base.rendering.bounds import error_footprints, frame_limits
 from gsvc_base.rendering.definition import added
+from gsvc_base.rendering.error_models import EPS, ETA, ErrorModel
 from gsvc_base.splats import Splats
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval
-from gsvc_conformance.operation import numbered, paired
-from gsvc_conformance.operations.exact_splats import gradients_with_bound, sum_with_bound
+from gsvc_conformance.operation import Values, numbered, paired
+from gsvc_conformance.operations.exact_splats import (
+    gradient_bounds,
+    gradients_with_bound,
+    picture_by_model,
+    sum_with_bound,
+)
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
+Expected = Mapping[str, Expectation]
 
 GROUPS: Final = ((0, 2), (2, 5), (5, 8))
 """Columns of gradients that are judged together: positions, Cholesky factors, colours."""
@@ -37,6 +45,18 @@ def _bounded_sum(parameters: F4, width: int, height: int) -> dict[str, Expectati
     return {"sum": Bounded(*sum_with_bound(parameters, width, height))}
 
 
+def _sum_by_model(model: ErrorModel, expected: Expected, inputs: Values) -> Expected:
+    """The same value, and its bound by another error model."""
+    return {"sum": _bounded_anew(expected["sum"], picture_by_model(model, **inputs)[1])}
+
+
+def _bounded_anew(expected: Expectation, bound: F8) -> Bounded:
+    """An expectation with another bound; the limits of groups are those of fp32/1."""
+    if not isinstance(expected, Bounded):
+        raise TypeError(f"a bound for {expected.check}")
+    return Bounded(expected.value, bound, expected.dtype, may_overflow=True)
+
+
 paired(
     "render_sum",
     "rendering",
@@ -46,6 +66,7 @@ paired(
     equations=("9-1", "9-2", *numbered(13, 1, 11)),
     rules=("R-9.1-4", "R-9.2-1"),
     oracle=_bounded_sum,
+    by_model=_sum_by_model,
 )
 
 
@@ -125,6 +146,14 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
     return {"frame": Interval(value.astype(kind), lowest.astype(kind), highest.astype(kind))}
 
 
+def frame_by_model(model: ErrorModel, expected: Expected, inputs: Values) -> Expected:
+    """The same frame, and all that the bound by another error model allows."""
+    C, bound = picture_by_model(model, inputs["parameters"], inputs["width"], inputs["height"])
+    value = expected["frame"].value
+    lowest, highest = frame_limits(C, bound, inputs["bit_depth"])
+    return {"frame": Interval(value, lowest.astype(value.dtype), highest.astype(value.dtype))}
+
+
 paired(
     "render_frame",
     "rendering",
@@ -134,6 +163,7 @@ paired(
     equations=("9-1", "9-2", *numbered(13, 1, 11), "13-18"),
     rules=("R-9.1-1", "R-9.1-4", "R-9.2-1"),
     oracle=_frames_of_bounded_sums,
+    by_model=frame_by_model,
 )
 
 
@@ -159,6 +189,12 @@ def _bounded_gradients(parameters: F4, residual: F4) -> dict[str, Expectation]:
     return {"gradients": Bounded(gradients, bound, groups=groups)}
 
 
+def _gradients_by_model(model: ErrorModel, expected: Expected, inputs: Values) -> Expected:
+    """The same values, and their bounds by another error model."""
+    bound = gradient_bounds(model, inputs["parameters"], inputs["residual"])
+    return {"gradients": _bounded_anew(expected["gradients"], bound)}
+
+
 def _together(gradients: F8, bound: F8) -> bool:
     """Whether a group of gradients is conditioned well enough for relative L2 and bias."""
     enough = np.count_nonzero(np.any(gradients != 0, axis=1)) >= MIN_SPLATS
@@ -176,6 +212,7 @@ paired(
     equations=(*numbered(10, 3, 9), *numbered(13, 1, 9), *numbered(13, 12, 16)),
     rules=("R-10.3-1",),
     oracle=_bounded_gradients,
+    by_model=_gradients_by_model,
 )
 
 

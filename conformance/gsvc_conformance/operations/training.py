@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from gsvc_base.exact.expansions import Expansion, certain, exact
 from gsvc_base.exact.running_error import COMPONENTS
 from gsvc_base.exact.training_bounds import adan_step_with_bound, loss_with_bound, weighted_gradients_with_bound
-from gsvc_base.rendering.bounds import EPS, ETA
+from gsvc_base.rendering.error_models import EPS, ETA, FP32, ErrorModel
 from gsvc_conformance.expectations import Bounded, Exact, Expectation
-from gsvc_conformance.operation import paired
+from gsvc_conformance.operation import Values, paired
 
 F4 = NDArray[np.float32]
 F8 = NDArray[np.float64]
@@ -21,8 +21,16 @@ Expected = Mapping[str, Expectation]
 
 def loss_oracle(picture: F4, target: F4) -> Expected:
     """The running error analysis of `loss_with_bound`."""
-    outputs = loss_with_bound(picture, target)
-    return {"loss": Bounded(*outputs["loss"], "<f8"), "residual": Bounded(*outputs["residual"])}
+    return _loss_by_model(FP32, {}, {"picture": picture, "target": target})
+
+
+def _loss_by_model(model: ErrorModel, _: Expected, inputs: Values) -> Expected:
+    """The same by another error model."""
+    outputs = loss_with_bound(**inputs, model=model)
+    overflow = {"may_overflow": model is not FP32}
+    return {
+        "loss": Bounded(*outputs["loss"], "<f8", **overflow), "residual": Bounded(*outputs["residual"], **overflow),
+    }  # fmt: skip
 
 
 paired(
@@ -34,6 +42,7 @@ paired(
     equations=("10-1", "10-2", "13-17"),
     rules=("R-10.2-1",),
     oracle=loss_oracle,
+    by_model=_loss_by_model,
 )
 
 

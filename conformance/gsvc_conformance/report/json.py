@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.errors import UsageError
+from gsvc_base.rendering.error_models import FP32
 from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import features_of
 from gsvc_conformance.profiles import ANY
@@ -79,7 +80,7 @@ def to_object(report: Report) -> dict[str, Any]:
         "runs_on": dict(report.runs_on),
         "command": report.command,
         "selection": report.selection,
-        **_filled(options=report.options),
+        **_filled(options=report.options, model="" if report.model == FP32.name else report.model),
         "notes": list(report.notes),
         **_filled(
             ended=report.ended,
@@ -207,7 +208,7 @@ REPORT: Final[Schema] = {
     "environment": (NAMED_TEXTS, NEEDED), "command": (TEXT, NEEDED), "selection": (TEXT, NEEDED),
     "notes": (TEXTS, NEEDED), "results": (LIST, NEEDED), "runs_on": (NAMED_TEXTS, {}), "ended": (TEXT, ""),
     "claim": (TEXT_OR_NOT, None), "whole": (FLAG, False), "features": (OBJECT_OR_NOT, None), "stale": (TEXTS, []),
-    "options": (TEXT, ""),
+    "options": (TEXT, ""), "model": (TEXT, FP32.name),
 }  # fmt: skip
 RESULT: Final[Schema] = {
     "id": (TEXT, NEEDED), "title": (TEXT, NEEDED), "class": (TEXT, NEEDED), "outcome": (TEXT, NEEDED),
