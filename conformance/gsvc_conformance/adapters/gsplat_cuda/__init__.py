@@ -105,9 +105,9 @@ def rounded(values: torch.Tensor) -> torch.Tensor:
 def colorless(width: int, height: int) -> torch.Tensor:
     """One splat, f4 (1, 8), over all tiles and of no colour.
 
-    Older copies of the rasteriser, such as that of April 2025 in a fork of the authors' code, have a list as long as there
-    are pairs of splats and tiles and index it by tile: with fewer pairs than tiles they read beyond its end. A splat in
-    every tile prevents that, and the last one takes nobody's place. bf697c8 has the list long enough.
+    Older copies of the rasteriser, such as that of April 2025 in a fork of the authors' code, have a list as long as
+    there are pairs of splats and tiles, and index it by tile: with fewer pairs than tiles they read beyond its end. A
+    splat in every tile prevents that, and the last one takes nobody's place. The list of bf697c8 is long enough.
     """
     size = float(max(width, height))
     return torch.tensor([[width / 2, height / 2, size, 0, size, 0, 0, 0]], device=DEVICE)
