@@ -221,8 +221,9 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                     book.add(judged.vector, judged.outputs, judged.result)
 
             waivers = plan.waivers.reasons(plan.folder.names)
+            order = _in_order(arguments, plan)
             run_suite(
-                implementation, plan.folder.read(_in_order(arguments, plan)), waivers=waivers, skips=plan.skips,
+                implementation, plan.folder.read(order), waivers=waivers, skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,
                 level=plan.claim.level if plan.claim else 1, features=plan.features,
                 profile=plan.claim.profile if plan.claim else "", seconds=arguments.seconds or math.inf,
