@@ -38,9 +38,12 @@ def stream_of(seed: int, number: int, wishes: Wishes = ANYTHING, profiles: Seque
     own = seed << 32 | number
     if profiles[number % len(profiles)] == "paper":
         return random_stream(own, max_pixels=MAX_PIXELS, wishes=wishes)
-    choices = SeededChoices(own)
+    choices, elements = SeededChoices(own), dict(wishes.elements)
+    if (lanes := elements.pop("lane_count", None)) is not None:
+        elements["max_lane_exponent"] = lanes.bit_length() - 1
     ancillary, paced = choices.boolean(), choices.boolean()
-    wishes = replace(wishes, ancillary=ancillary if wishes.ancillary is None else wishes.ancillary)
+    ancillary = ancillary if wishes.ancillary is None else wishes.ancillary
+    wishes = replace(wishes, elements=elements, ancillary=ancillary)
     if paced and wishes.paced is None:
         with suppress(UsageError):  # it does not keep the limits of a second
             return random_main_stream(own, max_pixels=MAX_PIXELS, wishes=replace(wishes, paced=True))

@@ -16,8 +16,9 @@ from gsvc_conformance.diagnosis.streams import element_at
 from gsvc_conformance.encoding import Decoding
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import VECTORS
-from gsvc_ref.testing import Lie
-from tests.main.material import growing
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
+from gsvc_ref.testing import Lie, join_chunks, split_chunks
+from tests.main.material import growing, stream_of
 
 
 def test_legal_streams(tmp_path, capsys):
@@ -105,6 +106,19 @@ def test_the_greatest_legal_quality_is_told(tmp_path, capsys):
         assert (finding.quality, finding.layer) == ((1, 2) if missing else (3, None))
         assert finding.other == ""
     assert finding.error.split()[1] == "R-15.13-6"
+
+
+def test_a_layer_where_there_are_none_is_refused():
+    """A decoder of the base skips it, and so does one of profile `paper`, to which it is an ancillary chunk."""
+    base, layered = stream_of("IP"), with_layers(Draws(19), BASE, LAYERS)
+    layer = next(chunk for chunk in split_chunks(layered) if chunk[0] == b"n")
+    for data, legal in ((base, False), (overview(), True)):
+        chunks = split_chunks(data)
+        finding = examine("x", join_chunks([*chunks[:2], layer, *chunks[2:]], prefix=data[:PREFIX_SIZE]))
+        assert finding.legal == legal
+        assert finding.other == ""
+        if not legal:
+            assert (finding.error.split()[1], finding.quality, finding.layer) == ("R-15.13-1", 0, 1)
 
 
 def test_bytes_of_layers_are_those_of_their_frames():

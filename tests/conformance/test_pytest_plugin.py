@@ -294,7 +294,7 @@ def from_half(bits):
 def test_several_processes(pytester):
     """The real thing, in processes of its own: the results and causes of all come together."""
     pytest.importorskip("xdist")
-    pytester.makepyfile(mine=MODULE)
+    pytester.makepyfile(mine=MODULE, test_theirs="raise ImportError")
     loaded = [] if LOADED else ["-p", PLUGIN]
     words = [*loaded, "-n", "2", "-q", "--gsvc-module", "mine", "--gsvc-operation", "from_half"]
     result = pytester.runpytest_subprocess(*words)

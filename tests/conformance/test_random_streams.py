@@ -13,7 +13,7 @@ from gsvc_conformance.element_values import IGNORED, values
 from gsvc_conformance.elements import ELEMENTS
 from gsvc_conformance.streams import MAX_PIXELS, stream_of, write_streams
 from gsvc_ref import UsageError
-from gsvc_ref.stream import StreamReader
+from gsvc_ref.stream import StreamReader, reconstruct_layers
 from gsvc_ref.testing import Wishes, random_stream, split_chunks
 from gsvc_ref.testing.random_main_streams import random_main_stream
 
@@ -123,7 +123,7 @@ def test_written_streams(tmp_path):
         )
         lowest, highest = (np.load(tmp_path / "a" / f"{entry['name']}.{end}.npy") for end in ("lowest", "highest"))
         assert lowest.dtype == highest.dtype == frames.dtype
-        bounded = np.stack(list(gsvc_ref.decode(data)))
+        bounded = np.stack(list(gsvc_ref.decode(data, layer=0)))
         for within in (frames, bounded):
             assert ((lowest <= within) & (within <= highest)).all()
         assert (highest - lowest.astype(int)).max() < 3
@@ -146,6 +146,53 @@ DEFAULT_DIGESTS = {
 """SHA-256 of the streams of seeds 0 to 39, one after the other, by maximum number of pixels."""
 
 
+@pytest.mark.exhaustive
+def test_streams_of_profile_main_are_legal_in_every_quality(tmp_path):
+    paced, ancillary = set(), set()
+    for number in range(60):
+        stream = stream_of(5, number, profiles=["main"])
+        paced.add(stream.header.paced_flag)
+        ancillary |= {chunk_type for chunk_type, _ in split_chunks(stream.data)}
+        for quality in range(stream.header.layer_count):
+            assert reconstruct_layers(stream.data, quality).error == ""
+    assert paced == {False, True}
+    assert ancillary >= {b"a", b"b", b"z", b"n", b"x"}
+
+
+def test_processes_write_the_same_files_with_those_of_layers(tmp_path):
+    words = ["--seed", "2", "--count", "3", "--layers", "3", "--size", "16x8", "--frames", "3", "--splats", "4"]
+    for jobs in ("1", "2"):
+        assert main(["streams", str(tmp_path / jobs), *words, "--jobs", jobs, "--quiet"]) == 0
+    files = [path.name for path in sorted((tmp_path / "1").iterdir())]
+    assert [path.name for path in sorted((tmp_path / "2").iterdir())] == files
+    for name in files:
+        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    data = (tmp_path / "1/stream-2-0001.gsvc").read_bytes()
+    assert np.load(tmp_path / "1/stream-2-0001.counts.npy").tolist() == [4, 4, 4]
+    for layer in (1, 2):
+        counts, parameters = (
+            np.load(tmp_path / f"1/stream-2-0001.layer_{layer}.{part}.npy") for part in ("counts", "parameters")
+        )
+        with StreamReader(data, layer=layer) as reader:
+            shown = [frame.layers.splats for frame in reader]
+        assert [len(splats) for splats in shown] == counts.tolist()
+        assert np.array_equal(np.concatenate([splats.to_array() for splats in shown]), parameters)
+    assert not list((tmp_path / "1").glob("*layer_3*"))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--lanes", "7", "--profile", "main"], "--lanes 7 is of profile paper, which does not go with profile main"),
+        (["--layers", "2", "--codewords", "9"], "--layers 2 is of profile main, which does not go with the other"),
+        (["--jobs", "5000"], "it must be a whole number in 1..1024"),
+    ],
+)
+def test_what_no_profile_has_is_refused(tmp_path, capsys, words, message):
+    assert main(["streams", str(tmp_path), *words]) == 2
+    assert message in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("max_pixels", DEFAULT_DIGESTS)
 def test_what_is_drawn_without_wishes_never_changes(max_pixels):
     streams = b"".join(random_stream(seed, max_pixels=max_pixels).data for seed in range(40))
@@ -154,6 +201,28 @@ def test_what_is_drawn_without_wishes_never_changes(max_pixels):
 
 SLOW = {"frame_rate_numerator": 1, "frame_rate_denominator": 1}
 FEATURES = {"bit_depth": 10, "lane_count": 7, "cholesky_bits": 9, "color_stages": 3, "color_codewords": 20}
+
+
+def test_wishes_of_profile_main_are_granted():
+    wishes = Wishes(
+        {"width": 24, "height": 18, "bit_depth": 10, "max_lane_exponent": 3, "layer_count": 2},
+        frames=5,
+        splats=30,
+        types="PPPR",
+        index=True,
+        ancillary=True,
+        paced=True,
+    )
+    removed = set()
+    for seed in range(6):
+        stream = random_main_stream(seed, wishes=wishes)
+        assert [len(frame.splats) for frame in StreamReader(stream.data)] == [30] * 5
+        assert {name: getattr(stream.header, name) for name in wishes.elements} == wishes.elements
+        assert stream.header.paced_flag
+        assert {chunk_type for chunk_type, _ in split_chunks(stream.data)} >= {b"x", b"n"}
+        removed |= {len(codes.modes) - codes.survivor_count for codes in stream.frames if codes.type == "P"}
+    assert {0, 30} < removed
+    assert random_main_stream(1, wishes=Wishes({"width": 64, "height": 48}, frames=1, splats=20_000)).header.level >= 2
 
 
 def test_wishes_are_granted():
@@ -240,7 +309,8 @@ def test_the_command_passes_wishes_on(tmp_path, capsys):
     assert main(["streams", str(without), *words, "--lanes", "2", "--without-frames", "--quiet"]) == 0
     parts = {path.name.split(".", 1)[1] for path in without.glob("stream-0-0001.*")}
     assert parts == {"gsvc", "counts.npy", "parameters.npy"}
-    assert {entry["header"]["lane_count"] for entry in json.loads((without / "index.json").read_text())} == {2}
+    paper, main_profile = (entry["header"] for entry in json.loads((without / "index.json").read_text()))
+    assert (paper["lane_count"], main_profile["max_lane_exponent"]) == (2, 1)
     capsys.readouterr()
     assert main(["streams", str(tmp_path), "--lanes", "65"]) == 2
     assert "--lanes: 65 is not in 1 to 64" in capsys.readouterr().err

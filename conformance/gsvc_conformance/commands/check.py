@@ -215,8 +215,8 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         Is called with the decoder and the number of each frame that it has read.
     """
     asked = {SPEC: _by_spec, REFERENCE: _by_reference}
-    header = Decoding(data).header
-    for quality in range(header.get("layer_count", 1)):
+    header, chunks = Decoding(data).header, _chunks(data)
+    for quality in range(_qualities(header, chunks)):
         outcomes = {name: asked[name](data, quality, on_frame or _nothing) for name in decoders}
         first, last = outcomes[decoders[0]], outcomes[decoders[-1]]
         other = "" if first.verdict == last.verdict else last.words
@@ -224,7 +224,6 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         if not legal:
             break
     greatest = quality - (not legal)
-    chunks = _chunks(data)
     sizes = _frame_sizes(chunks, with_layers=header.get("layer_count", 1) > 1)
     frames = tuple(Frame(*frame, size) for frame, size in zip(first.frames, sizes, strict=False))
     return Finding(
@@ -235,6 +234,13 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         least_level(header, frames, max(size for _, size, _ in chunks)) if legal else None, len(data),
         tuple(number for number, frame in enumerate(frames) if frame.type == "I"), frames,
     )  # fmt: skip
+
+
+def _qualities(header: Any, chunks: list[tuple[str, int, int]]) -> int:
+    """The number of qualities to decode: each, and where there is one alone, that of a layer that must not be there."""
+    count = int(header.get("layer_count", 1))
+    stray = count == 1 and "layer_count" in header and any(chunk_type == "n" for chunk_type, _, _ in chunks)
+    return count + stray
 
 
 def _rule(error: str) -> str:

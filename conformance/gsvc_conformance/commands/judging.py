@@ -246,7 +246,8 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
                     book.add(judged.vector, judged.outputs, judged.result)
 
             waivers = plan.waivers.reasons(plan.folder.names)
-            vectors = (vector.by_model(plan.model) for vector in plan.folder.read(_in_order(arguments, plan)))
+            order = _in_order(arguments, plan)
+            vectors = (vector.by_model(plan.model) for vector in plan.folder.read(order))
             run_suite(
                 implementation, vectors, waivers=waivers, skips=plan.skips,
                 on_result=on_result, jobs=getattr(arguments, "jobs", 1), repeat=arguments.repeat,

@@ -136,6 +136,7 @@ def environment() -> dict[str, str]:
     return {
         "device": torch.cuda.get_device_name(DEVICE) if with_cuda else f"{DEVICE.type} ({platform.machine()})",
         "CUDA": torch.version.cuda or f"ROCm {torch.version.hip}" if with_cuda else "not used",
+        **({"compute capability": "{}.{}".format(*torch.cuda.get_device_capability(DEVICE))} if with_cuda else {}),
         "vectors": torch.backends.cpu.get_cpu_capability(),
         "threads": str(torch.get_num_threads()),
         "float32 matmul precision": torch.get_float32_matmul_precision(),
