@@ -19,7 +19,7 @@ from gsvc_conformance.vector import files_of, from_files
 HUGE: Final = {
     "r_5_2_splats_four_billion", "r_5_2_new_splats_four_billion", "r_5_2_splats_of_level_3", "r_5_2_splats_of_level_4",
     "r_5_2_splats_of_level_5", "r_6_6_4_sum_beyond_16_bits", "r_6_6_4_frequency_beyond_16_bits",
-    "r_6_6_4_sum_beyond_32_bits",
+    "r_6_6_4_sum_beyond_32_bits", "r_5_2_main_splats_of_2_to_the_31",
 }  # fmt: skip
 """A decoder that believes these takes seconds or gigabytes."""
 
