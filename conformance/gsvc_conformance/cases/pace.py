@@ -55,10 +55,12 @@ class Frames:
     covering: Callable[[int], AnyCodes]
     predicted: AnyCodes
 
-    def paced(self, frames: Sequence[AnyCodes], *lies: Lie, flags: int = 2, **header: Any) -> bytes:
-        """A stream that says that it is paced, whether it is or not, without an index."""
+    def paced(
+        self, frames: Sequence[AnyCodes], *lies: Lie, flags: int = 2, index: bool = False, **header: Any
+    ) -> bytes:
+        """A stream that says that it is paced, whether it is or not."""
         given = replace(self.header, parameter_checksum_flag=bool(flags & 1), **header)
-        return write_stream(given, frames, index=False, lies=[Lie("flags", flags), *lies])
+        return write_stream(given, frames, index=index, lies=[Lie("flags", flags), *lies])
 
     def two_seconds(self) -> bytes:
         """Frames I R in each of two seconds."""
@@ -183,7 +185,7 @@ def as_many_bytes_of_a_second_as_allowed(value: Frames) -> Inputs:
 @of_both(flags=["limit"], rules=["R-5-7", "R-5-8"])
 def paced_with_checksums(value: Frames) -> Inputs:
     """Both flags are 1."""
-    expected = yield {"stream": value.paced(group(value.equal(2), 3), flags=3)}
+    expected = yield {"stream": value.paced(group(value.equal(2), 3), flags=3, index=True)}
     if "header" in expected:
         assert result(expected, "header")[2] == 3
 
