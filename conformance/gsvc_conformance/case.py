@@ -38,9 +38,9 @@ MODULES: Final = (
     "bitstream", "faulty", "seeking", "reconstruction", "rendering", "frames", "deterministic", "other_sizes",
     "gradients", "plain_splats", "training", "adan", "quantization", "rvq", "codebooks", "selection", "key_frames",
     "color", "metrics", "hard_splats", "hard_gradients", "hard_losses", "hard_frames", "hard_training",
-    "hard_quantizers", "faulty_seeks", "hard_selection", "large_frames", "large_rows", "large_codebooks",
-    "large_planes", "large_pictures", "large_splats", "main_states", "main_entropy", "main_large", "main_streams",
-    "main_layers", "main_pictures", "main_sizes", "main_seeking", "faulty_layers", "encoder", "full",
+    "hard_quantizers", "faulty_seeks", "main_container", "hard_selection", "large_frames", "large_rows",
+    "large_codebooks", "large_planes", "large_pictures", "large_splats", "main_states", "main_entropy", "main_large",
+    "main_streams", "main_layers", "main_pictures", "main_sizes", "main_seeking", "faulty_layers", "encoder", "full",
 )  # fmt: skip
 """Where cases are, in gsvc_conformance.cases."""
 

@@ -24,6 +24,8 @@ TIERS: Final = ("core", "uncommon", "stress", "faulty", "full", "own")
 REFUSED: Final = ("rule and bit", "rule", "kind", "nothing")
 """Parts of a refusal that may be right."""
 
+NAMED: Final = 3
+"""Maximum number of vectors that a sentence names."""
 OUTCOMES: Final[tuple[Outcome, ...]] = get_args(Outcome)
 FAULTS: Final[tuple[Outcome, ...]] = ("fail", "error", "crash", "timeout")
 """Outcomes of something that is wrong."""
@@ -536,8 +538,13 @@ def _highest(results: Sequence[Result]) -> int:
 
 
 def _without(missing: Sequence[Result], results: Sequence[Result]) -> str:
-    """The operations of vectors that must pass and are unsupported or skipped, and how many vectors."""
+    """The operations of vectors that must pass and are unsupported or skipped, and how many vectors.
+
+    Some vectors are named if their operation is answered otherwise.
+    """
     answered = {result.operation for result in results if result.outcome not in ("unsupported", "skipped")}
     names = dict.fromkeys(result.operation for result in missing)
     parts = [f"part of {name}" if name in answered else name for name in names]
-    return f"{', '.join(parts)} ({plural(len(missing), 'vector')})"
+    strange = [result.id for result in missing if result.operation in answered]
+    named = ", ".join([*strange[:NAMED], *(["..."] if len(strange) > NAMED else [])])
+    return f"{', '.join(parts)} ({plural(len(missing), 'vector')}{f': {named}' if named else ''})"

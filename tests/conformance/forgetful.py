@@ -1,8 +1,9 @@
-"""Readers of profile `main` without a check: spec.md's code for that profile, whose refusals can be left out one by one."""
+"""Readers of profile `main` that forget checks: spec.md's code for that profile, whose refusals can be left out."""
 
 import ast
+import operator
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Final
@@ -13,7 +14,11 @@ from gsvc_conformance.spec import SLOW, SPEC, namespace
 OPERATIONS: Final = ("reconstruct_stream", "seek", "reconstruct_layers")
 """The operations with an error, which the faulty vectors are of."""
 LIMITS: Final = "R-5-"
-"""What the rules begin with whose place R-5-9 takes at an operating point: of a stream without layers it is the same."""
+"""What the rules begin with that R-5-9 says again of an operating point, and so of a stream without layers."""
+SIGNS: Final = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
+"""The signs of inequalities."""
+INEQUALITIES: Final = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+"""What they say."""
 PATIENCE: Final = 10_000
 """Refusals in one stream that a reader leaves out before it is taken for one that never ends."""
 
@@ -45,6 +50,8 @@ class _OfMain(ast.NodeTransformer):
 
     def visit_If(self, node: ast.If) -> Any:
         self.generic_visit(node)
+        if any(any(_calls(part, "refuse")) for part in node.body if isinstance(part, ast.Expr)):
+            node.test = _Inequalities().visit(node.test)
         asked = ast.unparse(node.test)
         if "['profile'] != MAIN" in asked:
             return node.orelse
@@ -64,6 +71,16 @@ class _OfMain(ast.NodeTransformer):
         if not (isinstance(node.value, ast.Call) and _name(node.value.func).startswith("check_")):
             return node
         return ast.Expr(ast.IfExp(_call("checks", node.lineno), node.value, ast.Constant(None)))
+
+
+class _Inequalities(ast.NodeTransformer):
+    """Lets `compares` decide about each chain of inequalities."""
+
+    def visit_Compare(self, node: ast.Compare) -> Any:
+        signs = [SIGNS[type(sign)] for sign in node.ops if type(sign) in SIGNS]
+        if len(signs) < len(node.ops):
+            return node
+        return _call("compares", node.lineno, ast.Constant(tuple(signs)), node.left, *node.comparators)
 
 
 def _call(name: str, line: int, *arguments: ast.expr) -> ast.Call:
@@ -116,6 +133,24 @@ def calls_of_checks() -> tuple[Check, ...]:
     )
 
 
+@cache
+def inequalities() -> tuple[tuple[Check, int], ...]:
+    """Each inequality on which a refusal depends, by its number on its line; the rules are those of the refusal."""
+    return tuple(
+        (Check(_line(call), function.name, _rules_of(function, node.body)), number)
+        for function in _functions()
+        for node in ast.walk(function)
+        if isinstance(node, ast.If)
+        for call in _calls(node.test, "compares")
+        for number in range(len(ast.literal_eval(call.args[1])))
+    )
+
+
+def _rules_of(function: ast.FunctionDef, body: Iterable[ast.stmt]) -> tuple[str, ...]:
+    refused = (call.args[1] for part in body for call in _calls(part, "refuse"))
+    return tuple(sorted({rule for stated in refused for rule in _rules(function, stated)}))
+
+
 def _rules_inside(call: ast.expr) -> set[str]:
     """The rules of the function that is called, of which the arguments may name some."""
     (named,) = (_name(node.func) for node in [call] if isinstance(node, ast.Call))
@@ -146,7 +181,9 @@ def _rules(function: ast.FunctionDef, rule: ast.expr) -> set[str]:
             given += node.args.defaults
         if isinstance(node, ast.Call) and _name(node.func) == function.name and name in place:
             given.append(node.args[place.index(name)])
-    given += [loop.iter for loop in ast.walk(function) if isinstance(loop, ast.For) and name in ast.unparse(loop.target)]
+    given += [
+        loop.iter for loop in ast.walk(function) if isinstance(loop, ast.For) and name in ast.unparse(loop.target)
+    ]
     return {found for part in given for found in _stated(part)}
 
 
@@ -170,15 +207,23 @@ class Reader:
         Lines and rules of the refusals that it leaves out; None: all.
     uncalled
         Lines on which it does not call a check.
+    one_off
+        The line and number of an inequality that it has the neighbour of: `>` for `>=`, and the other way round.
+    names
+        What the code defines.
+    left_out
+        How many refusals it left out in the stream that it was asked last.
     """
 
     forgotten: set[tuple[int, str]] | None = field(default_factory=set)
     uncalled: set[int] = field(default_factory=set)
+    one_off: tuple[int, int] | None = None
     names: dict[str, Any] = field(default_factory=dict)
     left_out: int = 0
 
     def __post_init__(self) -> None:
-        self.names |= {"__name__": "reader", "refuse": self._refuse, "checks": lambda line: line not in self.uncalled}
+        self.names |= {"__name__": "reader", "refuse": self._refuse, "compares": self._compares}
+        self.names["checks"] = lambda line: line not in self.uncalled
         for tree in _compiled():
             exec(tree, self.names)
 
@@ -189,11 +234,19 @@ class Reader:
         if self.left_out > PATIENCE:
             raise RecursionError("it never ends")
 
-    def forget(self, checks: Iterable[tuple[int, str]] | None, uncalled: Iterable[int] = ()) -> None:
+    def _compares(self, line: int, signs: tuple[str, ...], *values: Any) -> bool:
+        for number, (sign, left, right) in enumerate(zip(signs, values, values[1:], strict=False)):
+            if (line, number) == self.one_off:
+                sign = sign[0] if len(sign) == 2 else f"{sign}="
+            if not INEQUALITIES[sign](left, right):
+                return False
+        return True
+
+    def forget(self, checks: Collection[tuple[int, str]] | None, uncalled: Iterable[int] = ()) -> None:
         """Leave these checks out, and no others; a limit with R-5-9, which says the same where there are no layers."""
         self.uncalled = set(uncalled)
         self.forgotten = None if checks is None else set(checks)
-        if checks is not None and any(rule.startswith(LIMITS) for _, rule in self.forgotten or ()):
+        if checks is not None and any(rule.startswith(LIMITS) and rule != "R-5-9" for _, rule in checks):
             self.forgotten = {*self.forgotten, *_stand_ins()}  # type: ignore[misc]
 
     def answer(self, operation: str, inputs: dict[str, Any]) -> dict[str, Any] | None:

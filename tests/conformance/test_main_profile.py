@@ -11,18 +11,20 @@ import pytest
 from gsvc_conformance import diagnose
 from gsvc_conformance.case import TIERS, Case, cases
 from gsvc_conformance.cases.faulty_main import main_faults
-from gsvc_conformance.claim import read_claim
+from gsvc_conformance.claim import Claim, read_claim
 from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.features import features_of
 from gsvc_conformance.fitting import fit
+from gsvc_conformance.level import LEVELS
 from gsvc_conformance.mutants import Mutant, answer, judge, main_profile
 from gsvc_conformance.operation import operations
 from gsvc_conformance.pairs import sections
 from gsvc_conformance.preconditions import broken
-from gsvc_conformance.profiles import ANY, OF_PAPER, profile_of
+from gsvc_conformance.profiles import ANY, OF_PAPER, PROFILES, profile_of, stated_profile
 from gsvc_conformance.profiles import of_main as is_of_main
+from gsvc_conformance.results import Report, Result
 from gsvc_conformance.vector import VECTORS, Vector
-from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.vector_folder import Selection, VectorFolder
 from gsvc_ref import spec
 from gsvc_ref.stream import reconstruct_stream
 
@@ -89,6 +91,22 @@ def test_profiles_name_operations() -> None:
     assert len(OF_MAIN) > 10
     assert profile_of(operations()["render_sum"], {"width": 3}) == ANY
     assert profile_of(operations()["reconstruct_stream"], {"stream": b"no stream"}) == ANY
+
+
+@pytest.mark.parametrize("profile", PROFILES)
+def test_a_decoder_of_one_profile_can_claim_every_class_of_it(profile: str) -> None:
+    """By R-13-1: it refuses streams that state the other profile, and is asked none."""
+    folder, answers = VectorFolder(VECTORS), dict[str, list[Result]]()
+    for name in folder.select(Selection(profile=profile)):
+        about, streams = folder.manifest(name), (VECTORS / name).glob("*.gsvc")
+        stated = {stated_profile(stream.read_bytes()) for stream in streams}
+        outcome = "pass" if stated <= {profile, ANY} else "unsupported"
+        found = Result(name, about["title"], about["class"], outcome, level=about["level"], profile=about["profile"])
+        answers.setdefault(found.group, []).append(found)
+    assert answers.keys() >= {"bitstream", "reconstruction", "rendering", "deterministic", "seeking", "sizes"}
+    for group, results in answers.items():
+        report = Report({}, "", "", (), results, claim=Claim((group,), profile, max(LEVELS)))
+        assert [one.verdict for one in report.groups()] == ["passed"], group
 
 
 def test_claims_and_features_name_the_profile() -> None:

@@ -164,7 +164,7 @@ def test_what_is_incomplete_is_no_failure(report):
     partial = replace(report, results=results)
     (quantization,) = (group for group in partial.groups() if group.name == "quantization")
     assert quantization.verdict == "incomplete"
-    assert quantization.reason == "1 vector pass, none is wrong; without part of halve (1 vector)"
+    assert quantization.reason == "1 vector pass, none is wrong; without part of halve (1 vector: core/halve/none)"
     assert (partial.conclusion, partial.exit_code, partial.passed) == ("incomplete", 0, False)
     assert last_line(partial) == "NOTHING IS WRONG; no class is complete"
     assert "failure" not in {element.tag for element in ET.fromstring(junit_xml(partial).encode()).iter()}

@@ -63,17 +63,25 @@ def test_nothing_is_uncovered():
     assert verify() == []
 
 
-def test_obeying_and_breaking_a_requirement_are_counted_apart():
-    def manifest(name, error, *rules):
-        return {"id": name, "rules": rules, "outputs": {"error": {"check": "refusal", "value": error}}}
+def test_obeying_and_breaking_a_requirement_are_counted_apart_and_by_profile():
+    def manifest(name, profile, error, *rules):
+        outputs = {"error": {"check": "refusal", "value": error}}
+        return {"id": name, "profile": profile, "rules": rules, "outputs": outputs}
 
     there = [
-        manifest("core/reconstruct_stream/a", "", "R-5-1", "R-5-2"),
-        manifest("faulty/reconstruct_stream/b", "limit R-5-1 9", "R-5-1", "R-5-2", "R-12-1"),
-        manifest("faulty/reconstruct_stream/c", "limit R-5-2 9", "R-5-2", "R-12-1"),
+        manifest("core/reconstruct_stream/a", "main", "", "R-5-1", "R-5-2"),
+        manifest("faulty/reconstruct_stream/b", "main", "limit R-5-1 9", "R-5-1", "R-5-2", "R-12-1"),
+        manifest("faulty/reconstruct_stream/c", "paper", "limit R-5-2 9", "R-5-2", "R-12-1"),
     ]
-    rows = [line.split(" | ")[:3] for line in _requirements(["R-5-1", "R-5-2", "R-12-1"], there).splitlines()[2:]]
-    assert rows == [["| R-5-1", "1", "1"], ["| R-5-2", "1", "1"], ["| R-12-1", "2", ""]]
+    head, _, *rows = [
+        line.split(" | ")[:-1] for line in _requirements(["R-5-1", "R-5-2", "R-12-1"], there).splitlines()
+    ]
+    assert head == ["| requirement", "obeyed", "broken: paper", "broken: main", "broken: any"]
+    assert rows == [
+        ["| R-5-1", "1", "", "1", ""],
+        ["| R-5-2", "1", "1", "", ""],
+        ["| R-12-1", "2", "", "", ""],
+    ]
 
 
 def test_documents_name_vectors_that_exist():

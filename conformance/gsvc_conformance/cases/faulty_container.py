@@ -26,10 +26,8 @@ OUT_OF_RANGE_IN_PAPER: Final = {
 }  # fmt: skip
 """Values beside the ranges of section 6.3, of elements of profile `paper`."""
 
-RESERVED: Final = {"level": (0, 6, 255), "flags": (4, 7, 0x80)}
+RESERVED: Final = {"profile": (2, 255), "level": (0, 6, 255), "flags": (4, 7, 0x80)}
 """Reserved values of section 6.3."""
-RESERVED_PROFILES: Final = (2, 255)
-"""Values of `profile` that no profile has."""
 
 CHUNK_NAMES: Final = ("header", "i_frame", "p_frame", "r_frame", "index", "end")
 """The chunks of the overview with its index."""
@@ -80,7 +78,7 @@ def _magic() -> Iterator[Broken]:
 
 
 def _unreadable() -> Iterator[Broken]:
-    """Streams that have no sequence header where it must stand, or a profile that there is not."""
+    """Streams that have no sequence header where it must stand."""
     first = "the first chunk is H"
     for what, lie, edit in (
         ("no_header", "there is no sequence header", lambda c: c[1:]),
@@ -94,7 +92,6 @@ def _unreadable() -> Iterator[Broken]:
     yield Broken("R-5-3", "limit", "first_chunk", "the first chunk is an I-frame and has 1025 bytes",
                  "at most 1024, whatever its type", lambda: PAPER.edited(lambda c: [(b"I", bytes(1025)), *c]), 0,
                  ("R-6.1-3",))  # fmt: skip
-    yield from _reserved(PAPER, "profile", RESERVED_PROFILES)
 
 
 def _versions(of: Sound) -> Iterator[Broken]:
@@ -198,18 +195,14 @@ def _header(of: Sound) -> Iterator[Broken]:
     for element, values in OUT_OF_RANGE.items():
         yield from _beside_the_range(element, values, of.overview)
     for element, reserved in RESERVED.items():
-        yield from _reserved(of, element, reserved)
+        for said in reserved:
+            yield Broken("R-3.2-1", "unsupported", f"{element}_{said}", f"{element} is {said}", "it is reserved",
+                         partial(of.overview, Lie(element, said), parameter_checksum_flag=said == 7))  # fmt: skip
     sizes = {"height_8193": (16, 8193, 1), "one_more": (3, 43691, 1), "largest": (65535, 65535, 5)}
     for what, (width, height, level) in sizes.items():
         lies = Lie("width", width), Lie("height", height), Lie("level", level)
         yield Broken("R-5-1", "limit", what, f"a frame has {width}x{height} pixels",
                      f"level {level} allows {LEVELS[level].pixels}", partial(of.overview, *lies))  # fmt: skip
-
-
-def _reserved(of: Sound, element: str, values: tuple[int, ...]) -> Iterator[Broken]:
-    for said in values:
-        yield Broken("R-3.2-1", "unsupported", f"{element}_{said}", f"{element} is {said}", "it is reserved",
-                     partial(of.overview, Lie(element, said), parameter_checksum_flag=said == 7))  # fmt: skip
 
 
 def _beside_the_range(element: str, values: tuple[int, ...], make: Callable[[Lie], bytes]) -> Iterator[Broken]:
@@ -309,3 +302,14 @@ def truncations(of: Sound = PAPER) -> Iterator[Broken]:
                 yield Broken("R-6.2-4", "malformed", f"cut_{what}_the_end_of_{name}",
                              f"the stream ends after {size} bytes", f"it has {len(data)}",
                              partial(_cut, data, size), complete)  # fmt: skip
+    yield Broken("R-6.2-4", "malformed", "cut_zero_of_the_last_checksum",
+                 "the last byte of the stream, which is 0, is missing", "chunks are complete",
+                 partial(_without_the_last_zero, of), 20)  # fmt: skip
+
+
+def _without_the_last_zero(of: Sound) -> bytes:
+    """20 frames and an index of 9 bytes, for which the last byte of the end chunk is 0, without this byte."""
+    intra, _, repeated = of.frames()
+    data = write_stream(of.header, [intra, *[repeated] * 19])
+    assert data[-1] == 0
+    return data[:-1]

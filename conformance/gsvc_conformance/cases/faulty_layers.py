@@ -105,6 +105,12 @@ FAULTY_LAYERS: Final = {
         "a frame has two chunks of layer 1",
         "one at most",
     ),
+    "twice_i": FaultyLayer(
+        (LayerPlan(0, 1, LAYER_I), LayerPlan(0, 1, LAYER_I)),
+        "R-15.13-1",
+        "a frame has two chunks I of layer 1",
+        "one at most",
+    ),
     "reserved_type": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I, lambda p: bytes([p[0] | 48]) + p[1:]),), "R-3.2-1", "layer_type is 3", "I, P or R"
     ),
@@ -257,6 +263,14 @@ FAULTY_LAYERS: Final = {
         (Plan("I", 2), Plan("P", 3, kind="likely")),
         complete=1,
     ),
+    "splats_that_are_repeated": FaultyLayer(
+        (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)), LayerPlan(1, 1, Plan("R"))),
+        "R-5-2",
+        "a base of 2 splats grows by 3, and R keeps a layer of 16380",
+        "level 1 allows 16384 together",
+        (Plan("I", 2), Plan("P", 3, kind="likely")),
+        complete=2,
+    ),
     "work": FaultyLayer(
         (LayerPlan(0, 1, covering(113)), LayerPlan(0, 2, covering(100))),
         "R-5-4",
@@ -281,6 +295,34 @@ FAULTY_LAYERS: Final = {
         (covering(300), *[Plan("R")] * 8),
         (*SIZE.items(), ("paced_flag", True)),
         complete=9,
+    ),
+    "bytes_of_a_layer": FaultyLayer(
+        (LayerPlan(0, 2, LAYER_I, lambda p: p.ljust(2**20, b"\0")),),
+        "R-5-7",
+        "a second has more than 2^20 bytes with a layer above the wanted quality",
+        "level 1 allows 2^20",
+        header=(("paced_flag", True),),
+        quality=0,
+        in_base=True,
+    ),
+    "point_of_a_payload": FaultyLayer(
+        (LayerPlan(0, 1, LAYER_I, lambda p: p.ljust(2**20 + 1, b"\0")),),
+        "R-5-9",
+        "layer 1 has 2^20 + 1 bytes, and quality 1 asks for level 1",
+        "level 1 allows 2^20",
+        header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
+        quality=1,
+    ),
+    "point_of_a_second": FaultyLayer(
+        (),
+        "R-5-9",
+        "65 frames of 512x256 pixels stand in a second, and quality 0 asks for level 1",
+        "level 1 allows 64 times those of a frame",
+        (Plan("I"), *[Plan("R")] * 64),
+        (*LEVEL_2.items(), ("width", 512), ("height", 256), ("paced_flag", True), ("frame_rate_numerator", 65)),
+        complete=64,
+        quality=0,
+        in_base=True,
     ),
     "point_of_too_many_splats": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I),),
@@ -397,6 +439,18 @@ POINTS: Final[dict[str, tuple[str, Lie, str, str]]] = {
         "level is the greatest",
     ),
     "above_the_level": ("R-5-9", Lie("quality_level", 3), "quality_level is 3, and level 2", "level is the greatest"),
+    "payload": (
+        "R-5-9",
+        Lie("chunk_length", 2**20 + 1, 1),
+        "the I-frame claims 2^20 + 1 bytes, and quality 0 asks for level 1",
+        "level 1 allows 2^20",
+    ),
+    "too_many_splats": (
+        "R-5-9",
+        Lie("splat_number", 2 * 16384 + 1),
+        "splat_number says 16385 splats, and quality 0 asks for level 1",
+        "level 1 allows 16384",
+    ),
     "too_many_pixels": (
         "R-5-9",
         Lie("quality_halvings", 0),

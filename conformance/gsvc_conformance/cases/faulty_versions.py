@@ -29,8 +29,6 @@ def _edited(of: Sound, number: int, change: Callable[[bytes], bytes]) -> bytes:
 def version_faults() -> Iterator[Broken]:
     """All of profile `paper`."""
     yield from later_faults(PAPER)
-    yield Broken("R-3.2-1", "unsupported", "later_version_profile_2", "version_minor is 9, profile 2", STILL,
-                 partial(overview, LATER, Lie("profile", 2)))  # fmt: skip
     yield Broken("R-6.5-1", "unsupported", "later_version", "version_minor is 9, block_reserved 1", STILL,
                  lambda: overview(LATER, Lie("block_reserved", 1)))  # fmt: skip
     yield Broken("R-6.6-1", "unsupported", "later_version", "version_minor is 9, plane_mode 3", STILL,
@@ -46,7 +44,8 @@ def later_faults(of: Sound) -> Iterator[Broken]:
     yield Broken("R-6.2-3", "malformed", "later_version_header_too_short",
                  "version_minor is 9, and the header lacks its last byte", STILL,
                  partial(_edited, of, 0, lambda payload: payload[:-1]))  # fmt: skip
-    for element, said in (("level", 6), ("flags", 4), *((("layer_count", 5), ("main_tools", 1)) if of.is_main else ())):
+    own = (("layer_count", 5), ("main_tools", 1)) if of.is_main else ()
+    for element, said in (("profile", 2), ("level", 6), ("flags", 4), *own):
         yield Broken("R-3.2-1", "unsupported", f"later_version_{element}_{said}",
                      f"version_minor is 9, {element} {said}", STILL,
                      partial(of.overview, LATER, Lie(element, said)))  # fmt: skip

@@ -5,12 +5,14 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
+from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import HEADER, Chunks, on, operated, predicted, result
 from gsvc_conformance.cases.container import UUID, equal_splats
 from gsvc_conformance.cases.faults import CRC_SIZE, SMALL_HEADER, Broken
-from gsvc_conformance.cases.main_streams import READ, crowd
+from gsvc_conformance.cases.main_layers import SIZE, LayerPlan, covering, with_layers
+from gsvc_conformance.cases.main_streams import READ, Plan, crowd
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.bitstream.header import PER_SECOND
@@ -53,10 +55,12 @@ class Frames:
     covering: Callable[[int], AnyCodes]
     predicted: AnyCodes
 
-    def paced(self, frames: Sequence[AnyCodes], *lies: Lie, flags: int = 2, **header: Any) -> bytes:
-        """A stream that says that it is paced, whether it is or not, without an index."""
+    def paced(
+        self, frames: Sequence[AnyCodes], *lies: Lie, flags: int = 2, index: bool = False, **header: Any
+    ) -> bytes:
+        """A stream that says that it is paced, whether it is or not."""
         given = replace(self.header, parameter_checksum_flag=bool(flags & 1), **header)
-        return write_stream(given, frames, index=False, lies=[Lie("flags", flags), *lies])
+        return write_stream(given, frames, index=index, lies=[Lie("flags", flags), *lies])
 
     def two_seconds(self) -> bytes:
         """Frames I R in each of two seconds."""
@@ -181,9 +185,19 @@ def as_many_bytes_of_a_second_as_allowed(value: Frames) -> Inputs:
 @of_both(flags=["limit"], rules=["R-5-7", "R-5-8"])
 def paced_with_checksums(value: Frames) -> Inputs:
     """Both flags are 1."""
-    expected = yield {"stream": value.paced(group(value.equal(2), 3), flags=3)}
+    expected = yield {"stream": value.paced(group(value.equal(2), 3), flags=3, index=True)}
     if "header" in expected:
         assert result(expected, "header")[2] == 3
+
+
+@case("core", "reconstruct_layers", flags=["limit"], rules=["R-5-7", "R-15.13-3"])
+def second_of_layers_of_as_much_work_as_allowed() -> Inputs:
+    """9 frames, 8 of them in a second, have as much work as a frame may have, most of it in two layers."""
+    layers = LayerPlan(0, 1, covering(300)), LayerPlan(0, 2, covering(112))
+    frames = [covering(100), *[Plan("R")] * 8]
+    stream = with_layers(Draws(0), frames, layers, **SIZE, paced_flag=True, frame_rate_numerator=8)
+    expected = yield {"stream": stream, "layer": 2}
+    assert result(expected, "counts").tolist() == [LEVEL.work // (SIZE["width"] * SIZE["height"])] * 9
 
 
 def pace_faults(of: Frames) -> Iterator[Broken]:
