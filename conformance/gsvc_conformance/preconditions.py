@@ -301,7 +301,7 @@ def _parts_of(inputs: Values) -> int:
         numbers = inputs["first_halves"][needed : needed + len(parts)].tolist()
         needed += len(parts)
         if len(numbers) == len(parts):
-            parts = code["halved"](parts, axis, size, inside, numbers)
+            parts = code["parts_halved"](parts, axis, size, inside, numbers)
     return needed
 
 
@@ -442,7 +442,8 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
     ),
     "codes_of_classes": (
         ("classes must be 0 to 39", lambda i: np.all((i["classes"] >= 0) & (i["classes"] < 40))),
-        ("low must be in the bits of its class", lambda i: np.all(i["low"] >> namespace()["low_bits"](i["classes"]) == 0)),
+        ("low must be in the bits of its class",
+         lambda i: np.all(i["low"] >> namespace()["low_bits"](i["classes"]) == 0)),
         ("negative must be 0 or 1", lambda i: np.all(i["negative"] >> 1 == 0)),
     ),
     "half_frequencies": (

@@ -402,7 +402,7 @@ def numbers_in_halves(rng: Draws, width: int, height: int, count: int) -> Array:
     parts, numbers = [((0, 0), count)], list[int]()
     for axis, size, inside in spec.halvings(width, height):
         own = [int(rng.integers(0, n + 1)) if origin[axis] + size < inside else 99 * n + 5 for origin, n in parts]
-        parts = spec.halved(parts, axis, size, inside, own)
+        parts = spec.parts_halved(parts, axis, size, inside, own)
         numbers += own
     return ints(numbers)
 
@@ -441,7 +441,8 @@ def more_than_a_part_has() -> Inputs:
 
 
 @case("core", "cells_of_halves", flags=["odd-size"], each={
-    "43x29": (43, 29), "300x3": (300, 3), "3x300": (3, 300), "64x64": (64, 64), "65x17": (65, 17), "352x288": (352, 288),
+    "43x29": (43, 29), "300x3": (300, 3), "3x300": (3, 300), "64x64": (64, 64), "65x17": (65, 17),
+    "352x288": (352, 288),
 })  # fmt: skip
 def cells_of_a_frame(value: tuple[int, int], rng: Draws) -> Inputs:
     """100 splats of a frame of {key} pixels; a part whose second half is outside has all splats in its first one."""
@@ -456,7 +457,8 @@ def cells_of_a_frame(value: tuple[int, int], rng: Draws) -> Inputs:
 
 def classes(rows: Any) -> dict[str, Any]:
     """Inputs of codes_of_classes, from rows of class, low bits and sign."""
-    return dict(zip(("classes", "low", "negative"), (column.copy() for column in ints(rows).reshape(-1, 3).T), strict=True))
+    q, low, negative = (column.copy() for column in ints(rows).reshape(-1, 3).T)
+    return {"classes": q, "low": low, "negative": negative}
 
 
 @case("core", "codes_of_classes", flags=["ties"])
