@@ -354,8 +354,10 @@ def _chunk_types(part: _Part) -> list[Json]:
     """The types of chunks that have a name, by the registry."""
     rows = next(rows for rows in _tables(part.texts[""]) if rows[0][0] == "letters")
     keys = ("letter", "value", "name", "belongs_to", "safe_to_copy", "status", "section")
-    named = (dict(zip(keys, (cell.replace("`", "") or None for cell in row), strict=True)) for row in rows[1:])
-    return [{**row, "value": int(row["value"], 16)} for row in named if row["name"]]
+    found: list[Json] = [
+        {key: cell.replace("`", "") or None for key, cell in zip(keys, row, strict=True)} for row in rows[1:]
+    ]
+    return [{**row, "value": int(row["value"], 16)} for row in found if row["name"]]
 
 
 def _constants(part: _Part) -> list[Json]:

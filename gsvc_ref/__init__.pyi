@@ -15,7 +15,10 @@ from gsvc_ref.encoder import Settings as Settings
 from gsvc_ref.encoder import encode as encode
 from gsvc_ref.encoder.key_frames import select_key_frames as select_key_frames
 from gsvc_ref.main.operations import adapt_model as adapt_model
+from gsvc_ref.main.operations import cells_of_halves as cells_of_halves
+from gsvc_ref.main.operations import codes_of_classes as codes_of_classes
 from gsvc_ref.main.operations import density_frequencies as density_frequencies
+from gsvc_ref.main.operations import field_vectors as field_vectors
 from gsvc_ref.main.operations import half_frequencies as half_frequencies
 from gsvc_ref.main.operations import main_inter as main_inter
 from gsvc_ref.main.operations import main_intra as main_intra

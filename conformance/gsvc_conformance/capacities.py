@@ -73,12 +73,13 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("model_frequencies", "M"): (0, "a model has at most 24 symbols"),
     **{
         (name, axis): (1 << 11, "a frame has at most 4,096 rows and columns of cells")
-        for name in ("motion_of_splats", "mode_contexts")
+        for name in ("motion_of_splats", "mode_contexts", "field_vectors")
         for axis in "rc"
     },
     ("encode_run", "lane_count"): (0, "`encode_run` looks at one lane at a time"),
     **{("encode_run", axis): (0, "raw values are a string of bits, whose length K stands for") for axis in "EFt"},
     ("encode_run", "G"): (0, "there are at most 128 groups of lanes"),
+    ("cells_of_halves", "K"): (1 << 13, "of splats, whose number counts, there are more than of parts"),
     ("window_frequencies", "M"): (1 << 8, "windows have at most 514 bins"),
     ("read_main_stream", "E"): (0, "a header has some 20 elements"),
     **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMNS"},

@@ -26,6 +26,10 @@ SIDES: Final[dict[str, tuple[str, ...]]] = {
 """The sides of a choice, by the function that makes it."""
 
 
+BRANCHES: Final = (ast.If, ast.While, ast.For)
+"""Statements with two ways: into the body, and past it or out of it."""
+
+
 @dataclass(frozen=True)
 class Point:
     """A place of the code that can be reached.
@@ -149,11 +153,11 @@ class _Notes(ast.NodeTransformer):
         self.points = points
         self.home = ""
 
-    def note(self, kind: Kind, node: ast.AST, *sides: str) -> int:
+    def note(self, kind: Kind, node: ast.stmt | ast.expr, *sides: str) -> int:
         """The number of the first of new points, one for each side."""
         first, _, rest = ast.unparse(node).partition("\n")
         second = rest.partition("\n")[0].strip()
-        text = f"{first} {second}" if second.startswith("raise Fault") else first
+        text = f"{first} {second}" if second.startswith("raise ") else first
         self.points += [Point(kind, self.home, node.lineno, text, side) for side in sides]
         return len(self.points) - len(sides)
 
@@ -163,33 +167,17 @@ class _Notes(ast.NodeTransformer):
             return super().visit(node)
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):  # a docstring
             return node
-        outermost = not self.home and isinstance(node, ast.FunctionDef | ast.ClassDef)
         mark = _mark(self.note("statement", node, ""))
-        if outermost:
-            self.home = node.name
-        found = super().visit(node)
-        if outermost:
-            self.home = ""
-        return [mark, found]
-
-    def visit_If(self, node: ast.If) -> ast.If:
-        """Both ways."""
-        return self._with_ways(node, "true", "false")
-
-    def visit_While(self, node: ast.While) -> ast.While:
-        """Round and out."""
-        return self._with_ways(node, "true", "false")
-
-    def visit_For(self, node: ast.For) -> ast.For:
-        """Round and out."""
-        return self._with_ways(node, "a round", "the end")
-
-    def _with_ways(self, node: Any, *sides: str) -> Any:
-        number = self.note("branch", node, *sides)
+        before = self.home
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            self.home = before or node.name
+        number = self.note("branch", node, "true", "false") if isinstance(node, BRANCHES) else None
         self.generic_visit(node)
-        node.body.insert(0, _mark(number))
-        node.orelse.insert(0, _mark(number + 1))
-        return node
+        if isinstance(node, BRANCHES) and number is not None:
+            node.body.insert(0, _mark(number))
+            node.orelse.insert(0, _mark(number + 1))
+        self.home = before
+        return [mark, node]
 
     def visit_IfExp(self, node: ast.IfExp) -> ast.IfExp:
         """Both ways of `a if b else c`."""

@@ -294,6 +294,17 @@ def _end_of_window(centre: int, h: int, last: int) -> int:
     return int(((first + len(bins) - 1) << r) - 1 if last else first << r)
 
 
+def _parts_of(inputs: Values) -> int:
+    """How many numbers the parts of all halvings need; more than there are if these are too few."""
+    code, parts, needed = namespace(), [((0, 0), inputs["count"])], 0
+    for axis, size, inside in code["halvings"](inputs["width"], inputs["height"]):
+        numbers = inputs["first_halves"][needed : needed + len(parts)].tolist()
+        needed += len(parts)
+        if len(numbers) == len(parts):
+            parts = code["parts_halved"](parts, axis, size, inside, numbers)
+    return needed
+
+
 def _field_fits(inputs: Values) -> bool:
     """Whether there are as many vectors as a frame has cells."""
     rows, columns, _ = inputs["vectors"].shape
@@ -430,11 +441,26 @@ ROWS: Final[Mapping[str, tuple[Rule, ...]]] = {
         ("centre must be below 2^16 in magnitude, and no edge more than 2^16 from twice the centre",
          lambda i: max(abs(i["edges"] - 2 * i["centre"]).max(initial=0), abs(i["centre"]) + 1) <= 2**16),
     ),
+    "codes_of_classes": (
+        ("classes must be 0 to 39", lambda i: np.all((i["classes"] >= 0) & (i["classes"] < 40))),
+        ("low must be in the bits of its class",
+         lambda i: np.all(i["low"] >> namespace()["low_bits"](i["classes"]) == 0)),
+        ("negative must be 0 or 1", lambda i: np.all(i["negative"] >> 1 == 0)),
+    ),
     "half_frequencies": (
         ("count must be 1 to 2^22 - 1", lambda i: 1 <= i["count"] < 2**22),
         ("1 <= second_half <= first_half < 2^14 must hold, and first_half must be a power of two",
          lambda i: 1 <= i["second_half"] <= i["first_half"] < 2**14 and i["first_half"].bit_count() == 1),
         ("alpha must be one of those of section 15.7", lambda i: i["alpha"] in namespace()["ALPHAS"]),
+    ),
+    "cells_of_halves": (
+        ("count must be 1 to 2^22 - 1", lambda i: 1 <= i["count"] < 2**22),
+        ("first_halves must be at least 0 and below 2^23, a number for each part with splats in each halving",
+         lambda i: np.all(i["first_halves"] >> 23 == 0) and len(i["first_halves"]) == _parts_of(i)),
+    ),
+    "field_vectors": (
+        ("there must be 1 to 4096 rows and columns", lambda i: all(1 <= n <= 4096 for n in i["differences"].shape[:2])),
+        ("differences must be below 2^12 in magnitude", lambda i: np.all(abs(i["differences"]) < 2**12)),
     ),
     "model_frequencies": COUNTS,
     "adapt_model": COUNTS,

@@ -6,6 +6,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from gsvc_base.arrays import I8
+from gsvc_base.errors import UsageError
 from gsvc_ref._jit import kernel
 from gsvc_ref.main.densities import ALPHAS, cumulative_at
 from gsvc_ref.main.passes import TOTAL, Distributions, Run
@@ -197,4 +198,29 @@ def code_cells(run: Run, count: int, width: int, height: int, alphas: tuple[int,
             if low.any():
                 answers = (answers << low) + run.raw_bits(at, low, None if given is None else given & ((1 << low) - 1))
         counts, origins = halved(counts, origins, axis, size, asked, answers)
+    return np.repeat(origins, counts, axis=0)
+
+
+def cells_of_halves(first_halves: I8, count: int, width: int, height: int) -> I8:
+    """Column and row of the cell of each of `count` splats, by how many are in the first half of each part.
+
+    Raises
+    ------
+    UsageError
+        There are more or fewer numbers than parts with splats.
+    """
+    inside, size = cell_counts(width, height), 1 << (halving_count(width, height) // 2)
+    origins, counts = np.zeros((1, 2), np.int64), np.array([count], np.int64)
+    at = 0
+    for halving in range(halving_count(width, height)):
+        axis = halving % 2
+        size = size >> 1 if axis == 0 else size
+        asked = np.flatnonzero(origins[:, axis] + size < inside[axis])
+        numbers = first_halves[at : at + len(counts)]
+        at += len(counts)
+        if at > len(first_halves):
+            break
+        counts, origins = halved(counts, origins, axis, size, asked, numbers[asked])
+    if at != len(first_halves):
+        raise UsageError(f"first_halves has {len(first_halves)} numbers; it must have one for each part with splats")
     return np.repeat(origins, counts, axis=0)

@@ -42,7 +42,12 @@ def code_field(run: Run, models: Models, shape: tuple[int, int], field: I8 | Non
     x = run.signs(1, models.code_magnitudes(run, 1, "vector", none, x if x is None else np.abs(x)), x)
     contexts = 1 + np.searchsorted(X_CLASSES, magnitude_classes(np.abs(x))).astype(np.int64)
     y = run.signs(2, models.code_magnitudes(run, 2, "vector", contexts, y if y is None else np.abs(y)), y)
-    vectors = np.stack([x, y], axis=1).reshape(rows, columns, 2)
+    return field_vectors(np.stack([x, y], axis=1).reshape(rows, columns, 2))
+
+
+def field_vectors(differences: I8) -> I8:
+    """The vectors (rows, columns, 2) of a field, by the differences that are coded."""
+    vectors = differences.copy()
     vectors[:, 0] = np.cumsum(vectors[:, 0], axis=0)
     return _wrapped(np.cumsum(vectors, axis=1))
 

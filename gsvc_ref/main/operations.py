@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 from gsvc_base.arrays import F4, I8
 from gsvc_base.checks import door
 from gsvc_base.errors import UsageError
+from gsvc_ref.main import cells as halves
 from gsvc_ref.main import models, reconstruct
 from gsvc_ref.main import motion as fields
 from gsvc_ref.main import state as states
-from gsvc_ref.main.cells import half_distribution
 from gsvc_ref.main.codes import SIDES, IntraCodes
-from gsvc_ref.main.densities import ALPHAS, cumulative, windows_at
+from gsvc_ref.main.densities import ALPHAS, MAGNITUDE_CLASSES, cumulative, windows_at
+from gsvc_ref.main.passes import magnitudes_of, signed
 from gsvc_ref.main.tables import step_of
 
 ANY: Final = None
@@ -133,7 +134,91 @@ def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) 
         raise UsageError("count, first_half and second_half must be at least 1")
     if alpha not in ALPHAS:
         raise UsageError(f"alpha is {alpha!r}; it must be one of {', '.join(map(str, ALPHAS))}")
-    return HalfFrequencies(*half_distribution(count, first_half, second_half, alpha))
+    return HalfFrequencies(*halves.half_distribution(count, first_half, second_half, alpha))
+
+
+# twin of spec.codes_of_classes
+@door
+def codes_of_classes(classes: ArrayLike, low: ArrayLike, negative: ArrayLike) -> I8:
+    """The codes that classes of magnitudes, low bits and signs stand for (spec.md section 15.7).
+
+    Parameters
+    ----------
+    classes
+        (N,) i8, 0..39.
+    low
+        (N,) i8, the low bits of the magnitude.
+    negative
+        (N,) i8, 1 where the code is negative, else 0.
+
+    Returns
+    -------
+    (N,) i8.
+
+    Raises
+    ------
+    UsageError
+        An argument is of another type or shape, or there is no such class.
+    """
+    rows = _integers("classes", classes, ANY)
+    if np.any((rows < 0) | (rows >= MAGNITUDE_CLASSES)):
+        raise UsageError(f"classes must be 0 to {MAGNITUDE_CLASSES - 1}")
+    magnitudes = magnitudes_of(rows, _integers("low", low, len(rows)))
+    return signed(magnitudes, _integers("negative", negative, len(rows)))
+
+
+# twin of spec.cells_of_halves
+@door
+def cells_of_halves(width: int, height: int, count: int, first_halves: ArrayLike) -> I8:
+    """The cells of splats, by how many are in the first half of each part (spec.md section 15.8).
+
+    Parameters
+    ----------
+    width, height
+        The size of the frame in pixels.
+    count
+        The number of splats, at least 1.
+    first_halves
+        (K,) i8, at least 0: for each halving the number of each part that has splats.
+
+    Returns
+    -------
+    (count, 2) i8, column and row.
+
+    Raises
+    ------
+    UsageError
+        An argument is of another type or shape or too small, or there are more or fewer numbers than parts.
+    """
+    numbers = _integers("first_halves", first_halves, ANY)
+    if min(width, height, count) < 1 or np.any(numbers < 0):
+        raise UsageError("width, height and count must be at least 1, and first_halves at least 0")
+    return halves.cells_of_halves(numbers, index(count), index(width), index(height))
+
+
+# twin of spec.field_vectors
+@door
+def field_vectors(differences: ArrayLike) -> I8:
+    """The vectors of a motion field, by the differences that are coded (spec.md section 15.10).
+
+    Parameters
+    ----------
+    differences
+        (r, c, 2) i8, each to the vector to the left, in the first column to the one above.
+
+    Returns
+    -------
+    (r, c, 2) i8, -2^15..2^15 - 1, in quarter pixels.
+
+    Raises
+    ------
+    UsageError
+        The differences are no integers of that shape, or there are none.
+    """
+    coded = _integers("differences", differences, ANY, ANY, 2)
+    if coded.size == 0:
+        raise UsageError("differences must have at least one row and one column")
+    return fields.field_vectors(coded)
 
 
 # twin of spec.model_frequencies

@@ -92,13 +92,12 @@ class Run(ABC):
         """The low bits of magnitudes of these classes: the magnitudes, which are below 2^20."""
         sizes = low_bits(classes)
         low = None if magnitudes is None else np.where(classes < 4, 0, magnitudes & ((1 << sizes) - 1))
-        return np.where(classes < 4, classes, ((2 + (classes & 1)) << sizes) + self.raw_bits(at, sizes, low))
+        return magnitudes_of(classes, self.raw_bits(at, sizes, low))
 
     def signs(self, at: int | None, magnitudes: I8, values: I8 | None = None) -> I8:
         """The signs of magnitudes that are not 0: the signed values."""
         negative = None if values is None else (values < 0).astype(np.int64)
-        negative = self.raw_bits(at, np.minimum(magnitudes, 1), negative)
-        return np.where(negative == 1, -magnitudes, magnitudes)
+        return signed(magnitudes, self.raw_bits(at, np.minimum(magnitudes, 1), negative))
 
     def _count(self, frequencies: I8) -> None:
         self.lengths[self._part] += int(LENGTHS[frequencies - 1].sum()) / LENGTH_UNIT
@@ -249,6 +248,16 @@ def magnitude_classes(magnitudes: I8) -> I8:
 def low_bits(classes: I8) -> I8:
     """How many low bits a class of magnitudes has."""
     return np.where(classes < 4, 0, classes // 2 - 1)
+
+
+def magnitudes_of(classes: I8, low: I8) -> I8:
+    """The magnitudes of classes, by their low bits."""
+    return np.where(classes < 4, classes, ((2 + (classes & 1)) << low_bits(classes)) + low)
+
+
+def signed(magnitudes: I8, negative: I8) -> I8:
+    """Magnitudes with signs, of which 1 is negative."""
+    return np.where(negative == 1, -magnitudes, magnitudes)
 
 
 @kernel()

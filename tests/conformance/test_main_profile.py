@@ -1,5 +1,6 @@
 """Profile `main` in the kit: its cases hold, both sides agree, wrong decoders are told apart and named."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
@@ -12,6 +13,7 @@ from gsvc_conformance import diagnose
 from gsvc_conformance.case import TIERS, Case, cases
 from gsvc_conformance.cases.faulty_main import main_faults
 from gsvc_conformance.claim import Claim, read_claim
+from gsvc_conformance.coverage import manifests
 from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.features import features_of
 from gsvc_conformance.fitting import fit
@@ -114,6 +116,25 @@ def test_claims_and_features_name_the_profile() -> None:
     of_main, of_paper = (features_of({"profiles": [name]}, "here") for name in ("main", "paper"))
     one = vector("core/main_intra/one_splat")
     assert (of_main.outside(one), of_paper.outside(one)) == ("", "profile main")
+
+
+PLANTED: Final = (
+    "exp2-one-number", "vectors-in-context-of-magnitudes", "past-not-compacted", "past-forgotten-where-repeated",
+    "position-shear-without-maximum", "window-below-512", "counts-divided-by-their-shifted-sum", "halves-low-bits-late",
+    "densities-kept-over-i-frames", "layer-splats-alone-counted", "place-of-a-bit-at-least", "halves-first-below",
+)  # fmt: skip
+"""Faults that somebody planted in a decoder of their own, of which some hung on one vector or on none."""
+
+
+def test_planted_faults_hang_on_three_vectors_at_least() -> None:
+    killers = Counter(name for manifest in manifests() for name in manifest["kills"])
+    assert {name: killers[name] for name in PLANTED if killers[name] < 3} == {}
+
+
+def test_streams_find_what_components_find_too() -> None:
+    of_streams = ("read_main_stream", "reconstruct_stream", "reconstruct_layers")
+    killed = {name for manifest in manifests() if manifest["operation"] in of_streams for name in manifest["kills"]}
+    assert killed >= set(PLANTED)
 
 
 DECODERS: Final[Mapping[str, str]] = {

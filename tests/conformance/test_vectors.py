@@ -63,6 +63,19 @@ def test_nothing_is_uncovered():
     assert verify() == []
 
 
+@pytest.mark.parametrize("operation", ["render_sum", "render_frame", "render_gradients"])
+def test_a_third_of_the_core_has_colours_of_0_to_1(vectors, operation):
+    """What code that clamps colours, or makes them by a sigmoid, can be asked."""
+    colours = [v.inputs["parameters"][:, 5:] for v in vectors if v.operation.name == operation and v.tier == "core"]
+    assert 3 * sum(((of >= 0) & (of <= 1)).all() for of in colours) >= len(colours)
+
+
+def test_half_of_the_steps_have_rows_of_one_age(vectors):
+    """What an optimiser with one count of steps can be asked."""
+    steps = [v.inputs["steps"] for v in vectors if v.operation.name == "adan_step"]
+    assert 2 * sum(len(set(of.tolist())) <= 1 for of in steps) >= len(steps)
+
+
 def test_obeying_and_breaking_a_requirement_are_counted_apart_and_by_profile():
     def manifest(name, profile, error, *rules):
         outputs = {"error": {"check": "refusal", "value": error}}

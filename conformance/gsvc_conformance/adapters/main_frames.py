@@ -37,7 +37,17 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance.adapters.host import Field, MainBody, MainFrame
-from gsvc_conformance.adapters.main_operations import SIDES, Array, MainOperations, Recording, groups
+from gsvc_conformance.adapters.main_operations import (
+    ALL_BITS,
+    CELL,
+    DENSITY,
+    PART,
+    SIDES,
+    Array,
+    MainOperations,
+    Recording,
+    groups,
+)
 from gsvc_conformance.adapters.main_tables import ALPHAS, step_of
 
 MAX_LANES: Final = 4096
@@ -51,18 +61,11 @@ SYMBOLS: Final = SLOTS + 256
 ROUNDS_AT_ONCE: Final = 1 << 12
 """A dispatch decodes so many symbols of each lane, each with a search of 10 rounds at most: Mesa's software rasteriser
 leaves the loops of an invocation after 65,535 rounds of all of them together."""
-CELL: Final = 4
-"""Side of a cell of an I-frame in pixels."""
-PART: Final = 12
-"""Bytes of a Part of main_cells.wgsl."""
-DENSITY: Final = 36
-"""Bytes of a Density of main_densities.wgsl."""
 DENSITIES_OF_PLANE: Final = 40
 CHROMA: Final = 1
 SHAPES: Final = 3
 """The numbers of the first planes of colour and of shape."""
 FIRST, BY_CHOICE, BY_ITEM = range(3)
-ALL_BITS: Final = 0xFFFFFFFF
 NO_VECTORS: Final = np.zeros((0, 0, 2), np.int64)
 
 _RAMP: Final = (432, 320, 184, 100, 96, 44, 40, 18, 14, 6, 4, 2)

@@ -20,6 +20,13 @@ SIDES: Final = (0, 64, 32, 16)
 """Side of the cells of a motion field in pixels, by `motion_cell`."""
 WINDOW_MOST: Final = 520
 """Numbers of the frequencies of a window, at most."""
+CELL: Final = 4
+"""Side of a cell of an I-frame in pixels."""
+PART: Final = 12
+"""Bytes of a Part of main_cells.wgsl."""
+DENSITY: Final = 36
+"""Bytes of a Density of main_densities.wgsl."""
+ALL_BITS: Final = 0xFFFFFFFF
 SYMBOLS_AT_ONCE: Final = 1 << 15
 """A dispatch encodes so many symbols: Mesa's software rasteriser leaves loops after 65,535 rounds."""
 
@@ -159,6 +166,45 @@ class MainOperations:
         self.dispatch("main_frequencies", "half_frequencies", most, {1: self.tables, 3: result, 4: density}, numbers)
         *_, bins, low_bits = self.signed(density, 9)
         return {"cumulative": self.signed(result, bins + 1), "low_bits": low_bits}
+
+    def codes_of_classes(self, classes: Array, low: Array, negative: Array) -> Outputs:
+        """The codes i8 (N,) of classes of magnitudes, low bits and signs: section 15.7."""
+        buffers = {2: self.integers(classes), 3: self.integers(low), 4: self.integers(negative)}
+        numbers = [0] * 8 + [1]  # one component of one
+        return {"codes": self._on_splats("signed_codes", len(classes), 1, buffers, numbers)[:, 0]}
+
+    def cells_of_halves(self, width: int, height: int, count: int, first_halves: Array) -> Outputs:
+        """The cells i8 (count, 2) of splats by the numbers in first halves: section 15.8."""
+        inside = -(-width // CELL), -(-height // CELL)
+        halvings = (max(inside) - 1).bit_length()
+        parts, items = self.integers(np.array([0, 0, count])), self.integers(np.array([1, 0]))
+        at, storage = 0, self.accelerator.storage
+        for halving in range(2 * halvings):
+            axis, size = halving % 2, 2 ** (halvings - 1 - halving // 2)
+            most = int(self.accelerator.download(items, np.uint32, 1)[0])
+            numbers = [most, axis, size, inside[axis]]
+            halves, after = storage(2 * PART * most), storage(4 * (2 * most + 1))
+            buffers = {2: parts, 3: items, 4: storage(DENSITY * most), 7: storage(4 * most), 8: halves}
+            buffers[6] = self.integers(first_halves[at : at + most])
+            recording = self.accelerator.recording()
+            recording.dispatch("main_cells", "halve", groups(most), buffers, numbers)
+            recording.dispatch("main_lists", "choose", 1, {1: halves, 2: after}, [2 * most, 2, 3, 0, ALL_BITS, 0])
+            recording.submit()
+            parts, items, at = halves, after, at + most
+        firsts, cells = storage(4 * count), storage(8 * count)
+        recording = self.accelerator.recording()
+        recording.dispatch("main_lists", "starts", 1, {1: parts, 2: items, 3: firsts}, [0, 2, 3])
+        recording.dispatch("main_cells", "locate", groups(count), {2: parts, 3: items, 5: firsts, 6: cells}, [count])
+        recording.submit()
+        return {"cells": self.signed(cells, count, 2)}
+
+    def field_vectors(self, differences: Array) -> Outputs:
+        """The vectors i8 (r, c, 2) of a field by their differences: section 15.10."""
+        rows, columns, _ = differences.shape
+        result = self.accelerator.storage(8 * rows * columns)
+        numbers = [rows, 0, 0, 0, columns, rows]
+        self.dispatch("main_splats", "field_vectors", rows, {2: self.integers(differences), 6: result}, numbers)
+        return {"vectors": self.signed(result, rows, columns, 2)}
 
     def model_frequencies(self, counts: Array) -> Outputs:
         """C of each context, i8 (contexts, symbols + 1): (15-14)."""

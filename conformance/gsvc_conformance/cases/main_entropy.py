@@ -397,6 +397,135 @@ def largest_halves(value: tuple[int, int, int]) -> Inputs:
     assert result(expected, "low_bits") == 13
 
 
+def numbers_in_halves(rng: Draws, width: int, height: int, count: int) -> Array:
+    """The numbers of `cells_of_halves` for random halves; those of parts that are not asked are out of the question."""
+    parts, numbers = [((0, 0), count)], list[int]()
+    for axis, size, inside in spec.halvings(width, height):
+        own = [int(rng.integers(0, n + 1)) if origin[axis] + size < inside else 99 * n + 5 for origin, n in parts]
+        parts = spec.parts_halved(parts, axis, size, inside, own)
+        numbers += own
+    return ints(numbers)
+
+
+def cells(first_halves: Any, count: int, width: int, height: int) -> dict[str, Any]:
+    """Inputs of cells_of_halves."""
+    return {"width": width, "height": height, "count": count, "first_halves": ints(first_halves).reshape(-1)}
+
+
+@case("core", "cells_of_halves", flags=["order", "transposed"])
+def four_cells() -> Inputs:
+    """Left and right first, then each of them into upper and lower: 2 splats in each of 2x2 cells."""
+    expected = yield cells([4, 2, 2], 8, 8, 8)
+    assert result(expected, "cells")[::2].tolist() == [[0, 0], [0, 1], [1, 0], [1, 1]]
+
+
+@case("core", "cells_of_halves", flags=["order"])
+def one_in_the_second_half() -> Inputs:
+    """The number is that of the first half: of 3 splats one is on the left, and all are below."""
+    expected = yield cells([1, 0, 0], 3, 8, 8)
+    assert result(expected, "cells").tolist() == [[0, 1], [1, 1], [1, 1]]
+
+
+@case("core", "cells_of_halves", flags=["empty"])
+def one_cell() -> Inputs:
+    """A frame of one cell is not halved."""
+    expected = yield cells([], 5, 3, 4)
+    assert result(expected, "cells").tolist() == [[0, 0]] * 5
+
+
+@case("core", "cells_of_halves", flags=["clamp"])
+def more_than_a_part_has() -> Inputs:
+    """A number above that of the part stands for all of its splats."""
+    expected = yield cells([7, 9], 5, 8, 8)
+    assert result(expected, "cells").tolist() == [[0, 0]] * 5
+
+
+@case("core", "cells_of_halves", flags=["odd-size"], each={
+    "43x29": (43, 29), "300x3": (300, 3), "3x300": (3, 300), "64x64": (64, 64), "65x17": (65, 17),
+    "352x288": (352, 288),
+})  # fmt: skip
+def cells_of_a_frame(value: tuple[int, int], rng: Draws) -> Inputs:
+    """100 splats of a frame of {key} pixels; a part whose second half is outside has all splats in its first one."""
+    width, height = value
+    expected = yield cells(numbers_in_halves(rng, width, height, 100), 100, width, height)
+    assert (result(expected, "cells") * 4 < [width, height]).all()
+    assert len(np.unique(result(expected, "cells"), axis=0)) > 5
+
+
+# --- Classes of magnitudes -------------------------------------------------------------------------------------------
+
+
+def classes(rows: Any) -> dict[str, Any]:
+    """Inputs of codes_of_classes, from rows of class, low bits and sign."""
+    q, low, negative = (column.copy() for column in ints(rows).reshape(-1, 3).T)
+    return {"classes": q, "low": low, "negative": negative}
+
+
+@case("core", "codes_of_classes", flags=["ties"])
+def every_class() -> Inputs:
+    """The least and the greatest magnitude of each class: together they leave no number out."""
+    ends = [(q, low, 0) for q in range(40) for low in (0, (1 << int(spec.low_bits(q))) - 1)]
+    expected = yield classes(ends)
+    least, greatest = result(expected, "codes").reshape(-1, 2).T
+    assert least.tolist() == [0, *(greatest[:-1] + 1)]
+    assert greatest[-1] == 2**20 - 1
+
+
+@case("core", "codes_of_classes", each={"positive": 0, "negative": 1})
+def codes_of_one_sign(value: int, rng: Draws) -> Inputs:
+    """Codes that are all {key}, or 0."""
+    q = rng.integers(0, 40, (50,))
+    low = rng.integers(np.zeros(50, np.int64), np.int64(1) << spec.low_bits(q))
+    expected = yield classes(np.stack([q, low, np.full(50, value)], axis=1))
+    assert (result(expected, "codes") * (1 - 2 * value) >= 0).all()
+
+
+@case("core", "codes_of_classes")
+def small_codes() -> Inputs:
+    """Classes 0 to 3 are the magnitudes; 4 and 5 have one low bit, 6 and 7 two."""
+    expected = yield classes([[0, 0, 0], [0, 0, 1], [3, 0, 1], [4, 0, 0], [4, 1, 1], [5, 1, 0], [6, 3, 1], [7, 0, 0]])
+    assert result(expected, "codes").tolist() == [0, 0, -3, 4, -5, 7, -11, 12]
+
+
+@case("core", "codes_of_classes", flags=["empty"])
+def codes_of_nothing() -> Inputs:
+    """No codes."""
+    expected = yield classes([])
+    assert result(expected, "codes").shape == (0,)
+
+
+# --- Motion fields ---------------------------------------------------------------------------------------------------
+
+
+@case("core", "field_vectors", flags=["order"])
+def left_and_above() -> Inputs:
+    """Each difference is to the vector on the left, in the first column to the one above, and the first one to none."""
+    expected = yield {"differences": ints([[[5, -7], [1, 2]], [[10, 20], [-3, 4]], [[0, 1], [0, 0]]])}
+    assert result(expected, "vectors").tolist() == [[[5, -7], [6, -5]], [[15, 13], [12, 17]], [[15, 14], [15, 14]]]
+
+
+@case("core", "field_vectors", flags=["transposed"], each={"one_row": (1, 9), "one_column": (9, 1), "5x7": (7, 5)})
+def fields_of_sizes(value: tuple[int, int], rng: Draws) -> Inputs:
+    """A field of {key}."""
+    expected = yield {"differences": rng.integers(-40, 41, (*value, 2))}
+    assert len(np.unique(result(expected, "vectors"))) > 8
+
+
+@case("core", "field_vectors", flags=["empty"])
+def still_field() -> Inputs:
+    """All differences are 0."""
+    expected = yield {"differences": np.zeros((3, 4, 2), np.int64)}
+    assert not result(expected, "vectors").any()
+
+
+@case("stress", "field_vectors", flags=["overflow"], each={"above": 4095, "below": -4095})
+def sums_beyond_16_bits(value: int) -> Inputs:
+    """Sums of differences of {key} the range are reduced to -2^15 to 2^15 - 1 by multiples of 2^16."""
+    expected = yield {"differences": np.full((9, 20, 2), value)}
+    assert result(expected, "vectors").min() < -(2**14)
+    assert result(expected, "vectors").max() > 2**14
+
+
 # --- Models ----------------------------------------------------------------------------------------------------------
 
 STARTS: Final = {name: model["counts"] for name, model in spec.new_models().items()}

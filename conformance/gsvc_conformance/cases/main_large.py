@@ -118,6 +118,38 @@ def contexts_of_the_longest_fields(value: tuple[int, int], rng: Draws) -> Inputs
     assert {1, 2} <= set(result(expected, "contexts").tolist())
 
 
+@case("stress", "field_vectors", flags=FLAGS, each={"rows": (CELLS, 1), "columns": (1, CELLS)})
+def sums_of_the_longest_fields(value: tuple[int, int], rng: Draws) -> Inputs:
+    """A field of 4,096 {key}."""
+    expected = yield {"differences": repeated(rng.integers(-3, 60, (PERIOD, 2)), CELLS).reshape(*value, 2)}
+    assert len(np.unique(result(expected, "vectors"))) > CELLS
+
+
+@case("stress", "codes_of_classes", flags=FLAGS)
+def codes_of_many(rng: Draws) -> Inputs:
+    """70,001 codes, none of which is 0."""
+    columns = [repeated(rng.integers(first, end, (PERIOD,))) for first, end in ((4, 40), (0, 2), (0, 2))]
+    expected = yield dict(zip(("classes", "low", "negative"), columns, strict=True))
+    assert result(expected, "codes").all()
+
+
+@case("stress", "cells_of_halves", flags=FLAGS)
+def cells_of_many() -> Inputs:
+    """70,001 splats of 2x2 cells."""
+    numbers = np.array([40_000, 30_000, 20_000])
+    expected = yield {"width": 8, "height": 8, "count": 70_001, "first_halves": numbers}
+    assert result(expected, "cells")[[29_999, 30_000, 40_000, 70_000]].tolist() == [[0, 0], [0, 1], [1, 0], [1, 1]]
+
+
+@case("stress", "cells_of_halves", flags=FLAGS)
+def cells_of_many_parts() -> Inputs:
+    """A splat in each of 4,096 cells in a row: each part has half of its splats in its first half, or all of them."""
+    many = 1 << np.arange(CELLS.bit_length() - 1)  # parts of each halving in x
+    numbers = [number for n in many for number in ([CELLS // n // 2] * n + [CELLS // n // 2] * (2 * n))]
+    expected = yield {"width": 4 * CELLS, "height": 4, "count": CELLS, "first_halves": np.array(numbers)}
+    assert np.array_equal(result(expected, "cells")[:, 0], np.arange(CELLS))
+
+
 @case("stress", "encode_run", flags=FLAGS)
 def run_of_many(rng: Draws) -> Inputs:
     """90,001 symbols of 14 bits each, by 64 lanes in two groups: some 78,000 words."""

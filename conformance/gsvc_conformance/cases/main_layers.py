@@ -206,9 +206,9 @@ def a_layer_carried_out_of_the_frame() -> Inputs:
 @case("core", "reconstruct_layers", rules=["R-15.13-2", "R-15.4-1"], flags=["clamp"])
 def a_layer_carried_to_the_ends_of_its_range() -> Inputs:
     """Nine P-frames carry a layer by 8190 pixels each, to the right and upward: X ends at 2^24 and Y at -2^24."""
-    size = {"width": 144, "height": 16}
-    vectors = np.arange(4095, 8 * 4095 + 1, 4095)[[0, 1, 2, 3, 4, 5, 6, 7, 7], None] * [1, -1]
-    moved = MainCodes(type="P", quantizer=24, motion_cell=3, vectors=vectors[None],
+    size: dict[str, Any] = {"width": 144, "height": 16}
+    x = 4095 * np.minimum(np.arange(1, 10), 8)
+    moved = MainCodes(type="P", quantizer=24, motion_cell=3, vectors=np.stack([x, -x], axis=1)[None],
                       modes=np.zeros(1, np.int64), differences=np.zeros((1, 8), np.int64))  # fmt: skip
     base = crowd(replace(MAIN_HEADER, **size), (25, 0), 1), *[moved] * 9
     layer = crowd(replace(MAIN_HEADER, **size), (25, 0), 2)

@@ -216,9 +216,9 @@ ENTROPY: tuple[Mutant, ...] = (
     mutant(AREA, "halves-without-half-octave", "a scale of halves in whole steps of 2",
         ("    scale_code = 2 * e + (v >> (e - 1) & 1 if e > 0 else 0)\n", "    scale_code = 2 * e\n")),
     mutant(AREA, "halves-first-below", "the halves exchanged: right and lower before left and upper",
-        ("            both += [(origin, k), (tuple(other), n - k)]\n", "            both += [(tuple(other), k), (origin, n - k)]\n")),
+        ("        both += [(origin, k), (tuple(other), n - k)]\n", "        both += [(tuple(other), k), (origin, n - k)]\n")),
     mutant(AREA, "halves-second-in-front", "the second half of a part in front of the first one in the order of splats",
-        ("            both += [(origin, k), (tuple(other), n - k)]\n", "            both += [(tuple(other), n - k), (origin, k)]\n")),
+        ("        both += [(origin, k), (tuple(other), n - k)]\n", "        both += [(tuple(other), n - k), (origin, k)]\n")),
     mutant(AREA, "halves-y-first", "upper and lower halves before left and right ones",
         ("        axis = halving % 2\n", "        axis = 1 - halving % 2\n"), ("        if axis == 0:\n            size //= 2\n",
          "        if axis == 1:\n            size //= 2\n")),
@@ -255,6 +255,12 @@ ENTROPY: tuple[Mutant, ...] = (
 )  # fmt: skip
 
 INTRA: tuple[Mutant, ...] = (
+    mutant(AREA, "magnitudes-exchanged", "the two classes of an octave exchanged",
+        ("(2 + q % 2 << low_bits(q)) + low)", "(3 - q % 2 << low_bits(q)) + low)")),
+    mutant(AREA, "magnitudes-of-three", "two classes per octave from 2 on, with no low bit below 4",
+        ("    return np.where(q < 4, q, (2 + q % 2 <<", "    return np.where(q < 3, q, (2 + q % 2 <<")),
+    mutant(AREA, "signs-exchanged", "signs of which 0 is negative",
+        ("    return np.where(negative == 1, -magnitudes, magnitudes)\n", "    return np.where(negative == 1, magnitudes, -magnitudes)\n")),
     mutant(AREA, "aspect-negated", "the code of the aspect with the other sign",
         ("    return np.clip((codes[0] + sign * codes[1]) * h_size(j), A_LEAST, A_MOST)\n",
          "    return np.clip((codes[0] - sign * codes[1]) * h_size(j), A_LEAST, A_MOST)\n")),
@@ -319,7 +325,7 @@ MOTION: tuple[Mutant, ...] = (
     mutant(AREA, "motion-in-half-pixels", "vectors in half pixels", ("    return ((64 - h) * upper + h * lower + 32) >> 6\n",
          "    return ((64 - h) * upper + h * lower + 16) >> 5\n")),
     mutant(AREA, "vectors-not-wrapped", "vectors that are not reduced to 16 bits",
-        ("    return (V + 2**15) % 2**16 - 2**15\n", "    return V\n")),
+        ("{\"vectors\": (V + 2**15) % 2**16 - 2**15}\n", "{\"vectors\": V}\n")),
     mutant(AREA, "vectors-from-above", "vectors predicted by the one above in place of the one to the left",
         ("    d[:, 0] = np.cumsum(d[:, 0], axis=0)\n    V = np.cumsum(d, axis=1)\n",
          "    d[0] = np.cumsum(d[0], axis=0)\n    V = np.cumsum(d, axis=0)\n")),

@@ -104,6 +104,16 @@ paired(
 
 
 paired(
+    "codes_of_classes",
+    "reconstruction",
+    "The codes that classes of magnitudes, low bits and signs stand for.",
+    inputs="classes: i8 (N,); low: i8 (N,); negative: i8 (N,)",
+    outputs="codes: i8 (N,)",
+    oracle=_plain("codes_of_classes"),
+)
+
+
+paired(
     "half_frequencies",
     "bitstream",
     "Cumulative frequencies of how many of a part's splats are in its first half.",
@@ -111,6 +121,26 @@ paired(
     outputs="cumulative: i8 (M,); low_bits: i8 ()",
     equations=("15-8", "15-9"),
     oracle=_plain("half_frequencies"),
+)
+
+
+paired(
+    "cells_of_halves",
+    "reconstruction",
+    "The cells of splats, by how many are in the first half of each part.",
+    inputs="width: int; height: int; count: int; first_halves: i8 (K,)",
+    outputs="cells: i8 (count, 2)",
+    oracle=_plain("cells_of_halves"),
+)
+
+
+paired(
+    "field_vectors",
+    "reconstruction",
+    "The vectors of a motion field, by the differences that are coded.",
+    inputs="differences: i8 (r, c, 2)",
+    outputs="vectors: i8 (r, c, 2)",
+    oracle=_plain("field_vectors"),
 )
 
 

@@ -40,7 +40,7 @@ static u32 modeled(struct frame *f, u32 row) {
     return symbol;
 }
 
-static i32 magnitude_of(u32 class, u32 low) {
+i32 magnitude_of(u32 class, u32 low) {
     return (i32)(class < 4 ? class : ((2 + class % 2) << magnitude_low_bits(class)) + low);
 }
 
@@ -68,7 +68,7 @@ static void read_vector_bits(struct frame *f, u32 axis) {
     }
 }
 
-static void add_up_vectors(struct field *field) {   /* prefix sums modulo 2^16: down the first column, along rows */
+void add_up_vectors(struct field *field) {          /* prefix sums modulo 2^16: down the first column, along rows */
     for (u32 cell = 0; cell < field->columns * field->rows; cell++) {
         if (cell == 0) continue;
         const i32 *before = field->vectors[cell % field->columns ? cell - 1 : cell - field->columns];
@@ -144,6 +144,10 @@ static u32 inside(const struct frame *f, u32 axis) {
     return ((axis ? f->decoder->header.height : f->decoder->header.width) + 3) / 4;
 }
 
+static u32 halvings_of(const struct frame *f) {
+    return 2 * bit_length((inside(f, 0) > inside(f, 1) ? inside(f, 0) : inside(f, 1)) - 1);
+}
+
 static void read_halves(struct frame *f, u32 halving) {
     u32 axis = halving % 2, cells = inside(f, axis);
     if (axis == 0) f->size /= 2;
@@ -160,16 +164,12 @@ static void read_halves(struct frame *f, u32 halving) {
     }
 }
 
-static void read_half_bits(struct frame *f, u32 halving) {
-    u32 parts = 0, axis = halving % 2;
+static void split_parts(struct frame *f, u32 axis) { /* each becomes two; empty ones go: a prefix sum */
+    u32 parts = 0;
     for (u32 n = 0; n < f->parts; n++) {
-        struct part *part = &f->part[n];
-        if (part->half.bins) part->first += early_bits(&f->run, part->low_bits);
-        if (part->first > part->count) part->first = part->count;
-    }
-    for (u32 n = 0; n < f->parts; n++) {            /* each becomes two; empty ones go: a prefix sum */
         for (u32 second = 0; second < 2; second++) {
             struct part half = f->part[n];
+            if (half.first > half.count) half.first = half.count;
             half.count = second ? half.count - half.first : half.first;
             half.origin[axis] += second * f->size;
             if (half.count) f->other[parts++] = half;
@@ -177,6 +177,14 @@ static void read_half_bits(struct frame *f, u32 halving) {
     }
     struct part *old = f->part;
     f->part = f->other, f->other = old, f->parts = parts;
+}
+
+static void read_half_bits(struct frame *f, u32 halving) {
+    for (u32 n = 0; n < f->parts; n++) {
+        struct part *part = &f->part[n];
+        if (part->half.bins) part->first += early_bits(&f->run, part->low_bits);
+    }
+    split_parts(f, halving % 2);
 }
 
 static void begin_codes(struct frame *f) {
@@ -189,6 +197,25 @@ static void begin_codes(struct frame *f) {
             f->codes[n].column = (i32)f->part[k].origin[0], f->codes[n].row = (i32)f->part[k].origin[1];
         }
     }
+}
+
+void cells_of_halves(struct arena *memory, u32 width, u32 height, u32 count, const i32 *first, i32 (*cells)[2]) {
+    struct frame *f = take(memory, 1, sizeof *f);
+    f->decoder = take(memory, 1, sizeof *f->decoder), f->memory = memory, f->body.count = count;
+    f->decoder->header.width = width, f->decoder->header.height = height;
+    f->halvings = halvings_of(f);
+    begin_halves(f);
+    for (u32 halving = 0; halving < f->halvings; halving++) {
+        u32 axis = halving % 2;
+        if (axis == 0) f->size /= 2;
+        for (u32 n = 0; n < f->parts; n++, first++) {
+            struct part *part = &f->part[n];
+            part->first = part->origin[axis] + f->size < inside(f, axis) ? (u32)*first : part->count;
+        }
+        split_parts(f, axis);
+    }
+    begin_codes(f);
+    for (u32 n = 0; n < count; n++) cells[n][0] = f->codes[n].column, cells[n][1] = f->codes[n].row;
 }
 
 static void read_colors(struct frame *f, u32 c) {
@@ -388,7 +415,7 @@ void read_body(struct decoder *decoder, struct bits *bits, char type, u32 number
             for (u32 s = 0; s < SYMBOLS; s++) f->layer->counts[row][s] = first_counts[row][s];
         }
     }
-    f->halvings = 2 * bit_length((inside(f, 0) > inside(f, 1) ? inside(f, 0) : inside(f, 1)) - 1);
+    f->halvings = halvings_of(f);
     f->body.before = f->layer->count;
     read_head(f, bits, type, number, others);
     if (f->body.densities_present) read_densities(f, bits);

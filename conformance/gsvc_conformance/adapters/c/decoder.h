@@ -70,6 +70,8 @@ u64 work_of(const struct splat *splats, u32 count, u32 width, u32 height, u32 ha
 u32 cells_of(u32 side, u32 motion_cell);
 void motion_of(const struct splat *splat, const struct field *field, i32 motion[2]);
 void find_unrest(struct field *field);
+void add_up_vectors(struct field *field);
+void cells_of_halves(struct arena *memory, u32 width, u32 height, u32 count, const i32 *first, i32 (*cells)[2]);
 u32 mode_context(const struct splat *splat, u32 past, const i32 motion[2], const struct field *field, u32 width,
                  u32 height);
 
@@ -89,6 +91,7 @@ struct distribution half_of(u32 count, u32 first_half, u32 second_half, u32 alph
 void model_frequencies(const u32 *counts, u32 symbols, u16 *cumulative);
 void adapt_model(u32 *counts, const u32 *seen, u32 symbols);
 u32 magnitude_low_bits(u32 class);
+i32 magnitude_of(u32 class, u32 low);
 
 /* Faults: the first one ends the decoding of a stream. */
 struct bits {

@@ -57,12 +57,18 @@ static i32 read_int(const char *name) { return read_input(name).narrow[0]; }
 static u32 read_size(const char *name) { return (u32)read_int(name); }
 
 /* An array that is written row by row: its head is written last, when the rows are counted. */
-struct output { FILE *file; const char *type; u64 rows, columns; size_t size; }; /* columns 0: of one dimension */
+struct output {                                     /* columns 0: of one dimension; pairs: the columns are pairs */
+    FILE *file;
+    const char *type;
+    u64 rows, columns;
+    size_t size;
+    bool pairs;
+};
 
 static struct output begin_output(const char *name, const char *type, u64 columns) {
     char path[80], head[128] = "";
     snprintf(path, sizeof path, "%s.npy", name);
-    struct output output = {open_file(out_dir, path, "wb"), type, 0, columns, (size_t)(type[2] - '0')};
+    struct output output = {open_file(out_dir, path, "wb"), type, 0, columns, (size_t)(type[2] - '0'), false};
     fwrite(head, 1, sizeof head, output.file);
     return output;
 }
@@ -84,6 +90,7 @@ static void add_narrow(struct output *output, const i32 *numbers, u64 count) { /
 static void end_output(struct output *output) {     /* the data begins at a multiple of 64 bytes */
     char shape[64] = "", text[118];
     if (output->columns) snprintf(shape, sizeof shape, "%llu", (unsigned long long)output->columns);
+    if (output->pairs) snprintf(shape, sizeof shape, "%llu, 2", (unsigned long long)output->columns / 2);
     snprintf(text, sizeof text, "{'descr': '%s', 'fortran_order': False, 'shape': (%llu, %s), }", output->type,
              (unsigned long long)output->rows, shape);
     rewind(output->file);
@@ -274,6 +281,35 @@ static void half_frequencies(void) {
     write_number("low_bits.npy", low_bits);
 }
 
+static void codes_of_classes(void) {
+    struct input classes = read_input("classes"), low = read_input("low"), negative = read_input("negative");
+    i32 *codes = take(&memory, classes.size, sizeof *codes);
+    for (u64 n = 0; n < classes.size; n++) {
+        i32 magnitude = magnitude_of((u32)classes.narrow[n], (u32)low.narrow[n]);
+        codes[n] = negative.narrow[n] ? -magnitude : magnitude;
+    }
+    write_narrow("codes", 0, codes, classes.size);
+}
+
+static void find_cells(void) {
+    u32 count = read_size("count");
+    i32 (*cells)[2] = take(&memory, count, sizeof *cells);
+    cells_of_halves(&memory, read_size("width"), read_size("height"), count, read_input("first_halves").narrow, cells);
+    write_narrow("cells", 2, cells, count);
+}
+
+static void field_vectors(void) {
+    struct input differences = read_input("differences");
+    struct field field = {(u32)differences.columns, (u32)differences.rows, 1, NULL, NULL};
+    field.vectors = (i32(*)[2])differences.narrow;
+    field.unrest = take(&memory, differences.rows * differences.columns, 1);
+    add_up_vectors(&field);
+    struct output output = begin_output("vectors", "<i8", 2 * differences.columns);
+    output.pairs = true;
+    add_narrow(&output, (const i32 *)field.vectors, differences.rows);
+    end_output(&output);
+}
+
 static void frequencies_of_models(void) {
     struct input counts = read_input("counts");
     u64 columns = counts.columns + 1;
@@ -388,6 +424,7 @@ static const struct { const char *name; void (*run)(void); } operations[] = {
     {"reconstruct_stream", reconstruct_stream}, {"reconstruct_layers", reconstruct_layers},
     {"read_main_stream", read_main_stream}, {"encode_run", encode_run}, {"density_frequencies", density_frequencies},
     {"window_frequencies", window_frequencies}, {"half_frequencies", half_frequencies},
+    {"codes_of_classes", codes_of_classes}, {"cells_of_halves", find_cells}, {"field_vectors", field_vectors},
     {"model_frequencies", frequencies_of_models}, {"adapt_model", counts_of_models}, {"mode_contexts", mode_contexts},
     {"motion_of_splats", motion_of_splats}, {"splat_classes", splat_classes}, {"main_intra", main_intra},
     {"main_inter", main_inter}, {"state_parameters", state_parameters}, {"main_work", main_work},

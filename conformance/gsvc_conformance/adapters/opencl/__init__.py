@@ -67,6 +67,8 @@ __all__ = [
     "adan_step",
     "adapt_model",
     "augment",
+    "cells_of_halves",
+    "codes_of_classes",
     "commitment",
     "compact",
     "decode_layers",
@@ -75,6 +77,7 @@ __all__ = [
     "density_frequencies",
     "encode_run",
     "environment",
+    "field_vectors",
     "from_half",
     "half_frequencies",
     "loss",
@@ -114,8 +117,11 @@ __all__ = [
 ]
 
 adapt_model = MAIN.adapt_model
+cells_of_halves = MAIN.cells_of_halves
+codes_of_classes = MAIN.codes_of_classes
 density_frequencies = MAIN.density_frequencies
 encode_run = MAIN.encode_run
+field_vectors = MAIN.field_vectors
 half_frequencies = MAIN.half_frequencies
 main_inter = MAIN.main_inter
 main_intra = MAIN.main_intra

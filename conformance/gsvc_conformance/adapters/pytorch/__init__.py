@@ -24,7 +24,10 @@ from gsvc_conformance.adapters.pytorch.deterministic import (
 from gsvc_conformance.adapters.pytorch.device import DEVICE
 from gsvc_conformance.adapters.pytorch.main_profile import (
     adapt_model,
+    cells_of_halves,
+    codes_of_classes,
     density_frequencies,
+    field_vectors,
     main_inter,
     main_intra,
     main_work,
@@ -80,6 +83,8 @@ __all__ = [
     "adan_step",
     "adapt_model",
     "augment",
+    "cells_of_halves",
+    "codes_of_classes",
     "commitment",
     "compact",
     "converged",
@@ -88,6 +93,7 @@ __all__ = [
     "decode_stream_deterministic",
     "density_frequencies",
     "environment",
+    "field_vectors",
     "frame_to_planes",
     "from_half",
     "learning_rates",

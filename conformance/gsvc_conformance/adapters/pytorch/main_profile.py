@@ -110,6 +110,38 @@ def model_frequencies(counts: Array) -> Arrays:
     return {"cumulative": array(torch.cat((torch.zeros_like(f[:, :1]), f.cumsum(1)), 1), "i8")}
 
 
+def codes_of_classes(classes: Array, low: Array, negative: Array) -> Arrays:
+    """Operation: magnitudes of classes with signs (section 15.7)."""
+    q = tensor(classes)
+    magnitudes = torch.where(q < 4, q, ((2 + q % 2) << (q // 2 - 1).clamp(min=0)) + tensor(low))
+    return {"codes": array(magnitudes * (1 - 2 * tensor(negative)), "i8")}
+
+
+def cells_of_halves(width: int, height: int, count: int, first_halves: Array) -> Arrays:
+    """Operation: all parts of a halving at once (section 15.8)."""
+    inside, numbers = (-(-width // 4), -(-height // 4)), tensor(first_halves)
+    origins = torch.zeros((1, 2), dtype=torch.int64, device=DEVICE)
+    counts = torch.tensor([count], device=DEVICE)
+    halvings = (max(inside) - 1).bit_length()
+    for halving in range(2 * halvings):
+        axis, size = halving % 2, 2 ** (halvings - 1 - halving // 2)
+        own, numbers = numbers[: len(counts)], numbers[len(counts) :]
+        first = torch.where(origins[:, axis] + size < inside[axis], torch.minimum(own, counts), counts)
+        second = origins.clone()
+        second[:, axis] += size
+        counts = torch.stack((first, counts - first), 1).ravel()
+        origins = torch.stack((origins, second), 1).reshape(-1, 2)[counts > 0]
+        counts = counts[counts > 0]
+    return {"cells": array(origins.repeat_interleave(counts, 0), "i8")}
+
+
+def field_vectors(differences: Array) -> Arrays:
+    """Operation: sums down the first column and along rows, reduced (section 15.10)."""
+    d = tensor(differences).clone()
+    d[:, 0] = d[:, 0].cumsum(0)
+    return {"vectors": array((d.cumsum(1) + 2**15) % 2**16 - 2**15, "i8")}
+
+
 def adapt_model(counts: Array, seen: Array) -> Arrays:
     """Operation: (15-11)."""
     c, h = tensor(counts), tensor(seen)

@@ -163,6 +163,21 @@ def window_frequencies(centre: int, step: int, density_family: int, scale_code: 
     return ask("window_frequencies", centre=centre, step=step, density_family=density_family, scale_code=scale_code)
 
 
+def codes_of_classes(**inputs: Any) -> Values:
+    """Codes of classes of magnitudes, low bits and signs (section 15.7)."""
+    return ask("codes_of_classes", **inputs)
+
+
+def cells_of_halves(**inputs: Any) -> Values:
+    """The cells of splats by the numbers in first halves (section 15.8)."""
+    return ask("cells_of_halves", **inputs)
+
+
+def field_vectors(differences: Any) -> Values:
+    """The vectors of a motion field by their differences (section 15.10)."""
+    return ask("field_vectors", differences=differences)
+
+
 def half_frequencies(count: int, first_half: int, second_half: int, alpha: int) -> Values:
     """Cumulative frequencies of the splats in the first half of a part (15-8), (15-9)."""
     return ask("half_frequencies", count=count, first_half=first_half, second_half=second_half, alpha=alpha)

@@ -110,38 +110,64 @@ globalThis.GSVC ??= {};
 
   /** The cells of splats, a halving a pass (15.8): columns and rows. */
   function* readCells(run, count, width, height, alphas) {
-    const inside = [Math.ceil(width / CELL), Math.ceil(height / CELL)];
-    let size = 2 ** (alphas.length / 2);
-    let counts = Int32Array.of(count); // of the splats of each part, none of which is empty
-    let origins = [Int32Array.of(0), Int32Array.of(0)]; // the first column and the first row of each
+    let parts = wholeFrame(count);
     for (const [halving, alpha] of alphas.entries()) {
       run.begin("cells");
-      const axis = halving % 2;
-      if (axis === 0) size /= 2;
-      const seconds = new Int32Array(counts.length);
-      for (let part = 0; part < seconds.length; part++) {
-        seconds[part] = Math.min(size, inside[axis] - origins[axis][part] - size);
-      }
-      const first = run.halves(counts, size, seconds, alpha);
-      const most = Math.min(2 * counts.length, count);
-      const halves = new Int32Array(most);
-      const places = [new Int32Array(most), new Int32Array(most)];
-      let many = 0;
-      for (let part = 0; part < counts.length; part++) {
-        for (let half = 0; half < 2; half++) {
-          const n = half === 0 ? first[part] : counts[part] - first[part];
-          if (n === 0) continue;
-          halves[many] = n;
-          places[axis][many] = origins[axis][part] + half * size;
-          places[1 - axis][many] = origins[1 - axis][part];
-          many += 1;
-        }
-      }
-      counts = halves.subarray(0, many);
-      origins = places.map((column) => column.subarray(0, many));
+      const { axis, size, seconds } = halvingOf(halving, parts, width, height);
+      parts = halved(parts, axis, size, run.halves(parts.counts, size, seconds, alpha));
       yield;
     }
-    return origins.map((column) => repeated(column, counts, count));
+    return cellsOf(parts);
+  }
+
+  /** Parts: the splats of all, those of each, never 0, and the first column and row of each. */
+  const wholeFrame = (count) => ({ count, counts: Int32Array.of(count), origins: [Int32Array.of(0), Int32Array.of(0)] });
+
+  /** The axis of a halving, the length of first halves, and the cells of each part's second half that are in the frame. */
+  function halvingOf(halving, { counts, origins }, width, height) {
+    const axis = halving % 2;
+    const size = 2 ** (halvingCount(width, height) / 2 - 1 - (halving >> 1));
+    const inside = Math.ceil((axis === 0 ? width : height) / CELL);
+    const seconds = new Int32Array(counts.length);
+    for (let part = 0; part < seconds.length; part++) {
+      seconds[part] = Math.min(size, inside - origins[axis][part] - size);
+    }
+    return { axis, size, seconds };
+  }
+
+  /** The halves of parts that have splats, of which `first` has how many are in each first half. */
+  function halved({ count, counts, origins }, axis, size, first) {
+    const most = Math.min(2 * counts.length, count);
+    const halves = new Int32Array(most);
+    const places = [new Int32Array(most), new Int32Array(most)];
+    let many = 0;
+    for (let part = 0; part < counts.length; part++) {
+      for (let half = 0; half < 2; half++) {
+        const n = half === 0 ? first[part] : counts[part] - first[part];
+        if (n === 0) continue;
+        halves[many] = n;
+        places[axis][many] = origins[axis][part] + half * size;
+        places[1 - axis][many] = origins[1 - axis][part];
+        many += 1;
+      }
+    }
+    return { count, counts: halves.subarray(0, many), origins: places.map((column) => column.subarray(0, many)) };
+  }
+
+  /** Columns and rows of the cells of all splats. */
+  const cellsOf = ({ count, counts, origins }) => origins.map((column) => repeated(column, counts, count));
+
+  /** The same from the numbers in the first halves of all parts, halving by halving. */
+  function cellsOfHalves(width, height, count, numbers) {
+    let parts = wholeFrame(count);
+    let at = 0;
+    for (let halving = 0; halving < halvingCount(width, height); halving++) {
+      const { axis, size, seconds } = halvingOf(halving, parts, width, height);
+      const first = parts.counts.map((n, part) => (seconds[part] > 0 ? Math.min(numbers[at + part], n) : n));
+      at += first.length;
+      parts = halved(parts, axis, size, first);
+    }
+    return cellsOf(parts);
   }
 
   /** Values, each as often as `counts` says. */
@@ -245,22 +271,27 @@ globalThis.GSVC ??= {};
   /** The two passes of the field (15.10): columns, rows, side, and the vectors row by row. */
   function* readField(run, models, width, height, side) {
     const [columns, rows] = main.fieldSize(width, height, side);
-    const vectors = new Int32Array(2 * columns * rows);
+    const steps = new Int32Array(2 * columns * rows);
     let contexts = new Int32Array(columns * rows);
     for (let axis = 0; axis < 2; axis++) {
       run.begin("motion");
       const q = models.symbols(run, "vector", contexts);
       const magnitudes = magnitudesOf(q, run.early(lowBitsOf(q)));
-      const steps = sign(magnitudes, run.early(signsOf(magnitudes)));
-      for (let cell = 0; cell < steps.length; cell++) {
-        const from = cell % columns > 0 ? cell - 1 : cell - columns; // to the left, or above in the first column
-        const before = from < 0 ? 0 : vectors[2 * from + axis];
-        vectors[2 * cell + axis] = ((before + steps[cell]) << 16) >> 16; // -2^15 .. 2^15 - 1
-      }
+      sign(magnitudes, run.early(signsOf(magnitudes))).forEach((step, cell) => (steps[2 * cell + axis] = step));
       contexts = q.map((of) => (of === 0 ? 1 : of <= 2 ? 2 : of <= 7 ? 3 : 4));
       yield;
     }
-    return { columns, rows, vectors, side };
+    return { columns, rows, vectors: fieldVectors(steps, columns), side };
+  }
+
+  /** The vectors of a field, from the differences that are coded. */
+  function fieldVectors(steps, columns) {
+    const vectors = new Int32Array(steps.length);
+    for (let at = 0; at < steps.length; at++) {
+      const from = (at >> 1) % columns > 0 ? at - 2 : at - 2 * columns; // to the left, or above in the first column
+      vectors[at] = (((from < 0 ? 0 : vectors[from]) + steps[at]) << 16) >> 16; // -2^15 .. 2^15 - 1
+    }
+    return vectors;
   }
 
   /**
@@ -315,5 +346,5 @@ globalThis.GSVC ??= {};
     return survivors;
   }
 
-  Object.assign(main, { NO_FIELD, newMainState, readBody, toldOf });
+  Object.assign(main, { NO_FIELD, newMainState, readBody, toldOf, cellsOfHalves, fieldVectors });
 }

@@ -198,6 +198,22 @@ globalThis.GSVC ??= {};
       return { cumulative: list(C, "<i8"), first: single(first, "<i8"), low_bits: single(lowBits, "<i8") };
     },
 
+    async codes_of_classes({ classes, low, negative }) {
+      return { codes: list(main.sign(main.magnitudesOf(numbers(classes), numbers(low)), numbers(negative)), "<i8") };
+    },
+
+    async cells_of_halves({ width, height, count, first_halves }) {
+      const [columns, rowsOfCells] = main.cellsOfHalves(width, height, count, numbers(first_halves));
+      const cells = new Int32Array(2 * count);
+      columns.forEach((column, n) => cells.set([column, rowsOfCells[n]], 2 * n));
+      return { cells: rows(cells, 2, "<i8") };
+    },
+
+    async field_vectors({ differences }) {
+      const { shape } = differences;
+      return { vectors: array("<i8", shape, main.fieldVectors(numbers(differences), shape[1])) };
+    },
+
     async half_frequencies({ count, first_half, second_half, alpha }) {
       const { C, lowBits } = main.halves(count, first_half, second_half, alpha);
       return { cumulative: list(C, "<i8"), low_bits: single(lowBits, "<i8") };

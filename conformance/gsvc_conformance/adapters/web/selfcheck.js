@@ -12,7 +12,7 @@ globalThis.GSVC ??= {};
     ],
     reconstruction: [
       "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum", "rendering_work",
-      "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters", "main_work",
+      "codes_of_classes", "cells_of_halves", "field_vectors", "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters", "main_work",
     ],
     rendering: ["render_sum", "to_frame", "render_frame", "decode_stream"],
     deterministic: ["render_sum_deterministic", "to_frame_deterministic", "decode_stream_deterministic"],

@@ -31,6 +31,8 @@ from gsvc_conformance.adapters.webgpu.main_profile import MAIN
 
 __all__ = [
     "adapt_model",
+    "cells_of_halves",
+    "codes_of_classes",
     "decode_layers",
     "decode_plane",
     "decode_stream",
@@ -39,6 +41,7 @@ __all__ = [
     "encode_plane",
     "encode_run",
     "environment",
+    "field_vectors",
     "from_half",
     "half_frequencies",
     "lsq_dequantize",
@@ -170,8 +173,11 @@ _BACK_END: Final[dict[str, Callable[..., Outputs]]] = {
     "to_frame_deterministic": to_frame_deterministic,
 }
 adapt_model = MAIN.adapt_model
+cells_of_halves = MAIN.cells_of_halves
+codes_of_classes = MAIN.codes_of_classes
 density_frequencies = MAIN.density_frequencies
 encode_run = MAIN.encode_run
+field_vectors = MAIN.field_vectors
 half_frequencies = MAIN.half_frequencies
 main_inter = MAIN.main_inter
 main_intra = MAIN.main_intra
