@@ -3,7 +3,8 @@
 A *dimension* is a symbol in the shapes of an operation's ports (N, H, W, ...), or one of `NAMED` that no shape shows.
 An implementation *ends at k* in a dimension if it writes the first k elements and leaves the others zero, or, where an
 output does not have the dimension, leaves inputs from k on out: then gsvc_ref answers for inputs that are zero there.
-A dimension that cannot be large has a reason in `LIMITS`; any other must have vectors that catch every capacity.
+A dimension that cannot be large has a reason in `LIMITS`; any other must have vectors that catch every capacity. Of
+operations on streams this holds for the vectors of each profile alone, since a claim of one is judged by no others.
 """
 
 import re
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from gsvc_conformance import spec
 from gsvc_conformance.expectations import NO_ARRAYS, Bounded
 from gsvc_conformance.operation import Operation, Port, Values
+from gsvc_conformance.profiles import PROFILES, of_main
 from gsvc_conformance.vector import Vector
 
 Array = NDArray[Any]
@@ -82,8 +84,9 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("cells_of_halves", "K"): (1 << 13, "of splats, whose number counts, there are more than of parts"),
     ("window_frequencies", "M"): (1 << 8, "windows have at most 514 bins"),
     ("read_main_stream", "E"): (0, "a header has some 20 elements"),
-    **{("read_main_stream", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TKVMNS"},
-    **{("reconstruct_layers", axis): (0, "`reconstruct_stream` has more frames and splats") for axis in "TN"},
+    **{("read_main_stream", axis): (1 << 8, "`reconstruct_stream` has more frames") for axis in "TK"},
+    ("reconstruct_layers", "T"): (1 << 8, "`reconstruct_stream` has more frames"),
+    **{("decode_layers", axis): (0, "`decode_stream` has more frames, and larger ones") for axis in "THW"},
     **{("encode_video", axis): _ENCODER for axis in "THW"},
 }
 """The largest capacity that is demanded of a dimension, of one operation or of any (*), and why no larger one is."""
@@ -102,6 +105,8 @@ class Row:
 
     Attributes
     ----------
+    profile
+        The profile of the vectors, where the operation has vectors of streams; else empty.
     largest
         The largest size in any vector.
     demanded
@@ -113,6 +118,7 @@ class Row:
     """
 
     operation: str
+    profile: str
     dimension: str
     largest: int
     demanded: tuple[int, ...]
@@ -143,9 +149,23 @@ def limit(operation: Operation, dimension: str) -> tuple[int, str]:
     return LIMITS.get((operation.name, dimension)) or LIMITS.get(("*", dimension)) or (CAPACITIES[-1], "")
 
 
+def profiles(operation: Operation) -> tuple[str, ...]:
+    """The profiles for each of which the vectors of an operation must be large enough; ("",): for all together."""
+    if not any(port.type == "stream" for port in operation.inputs):
+        return ("",)
+    if of_main(operation.name):
+        return ("main",)
+    return ("paper",) if operation.name == "read_stream" else PROFILES
+
+
 def rows(operation: Operation, vectors: Iterable[Vector]) -> Iterator[Row]:
     """The dimensions of an operation, held against its vectors."""
     vectors = [vector for vector in vectors if vector.operation.name == operation.name and vector.tier != "faulty"]
+    for profile in profiles(operation):
+        yield from _rows_of(operation, profile, [v for v in vectors if profile in ("", v.manifest.get("profile"))])
+
+
+def _rows_of(operation: Operation, profile: str, vectors: list[Vector]) -> Iterator[Row]:
     for dimension in dimensions(operation):
         most, reason = limit(operation, dimension)
         demanded = tuple(k for k in CAPACITIES if k <= most)
@@ -156,7 +176,7 @@ def rows(operation: Operation, vectors: Iterable[Vector]) -> Iterator[Row]:
             if all(_is_caught(dimension, port, k, [v for v in largest_first if sizes[v.id] > k])
                    for port in _concerned(operation, dimension))
         )  # fmt: skip
-        yield Row(operation.name, dimension, max(sizes.values(), default=0), demanded, caught, reason)
+        yield Row(operation.name, profile, dimension, max(sizes.values(), default=0), demanded, caught, reason)
 
 
 def size(vector: Vector, dimension: str) -> int:

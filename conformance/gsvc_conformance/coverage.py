@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base import spec
-from gsvc_conformance.capacities import limit, symbols
+from gsvc_conformance.capacities import limit, profiles, symbols
 from gsvc_conformance.case import OWN, TIERS
 from gsvc_conformance.cases import FLAGS
 from gsvc_conformance.code_coverage import Kind, Point, reach
@@ -313,13 +313,15 @@ def _code(code: Code) -> str:
 def _sizes(there: list[dict[str, Any]]) -> str:
     """A table of the dimensions that shapes show, from the shapes in the manifests."""
     rows = []
-    for name, operation in operations().items():
-        shapes = [shape for m in there if m["operation"] == name for shape in _shapes(m, operation)]
+    for operation, profile in ((o, profile) for o in operations().values() for profile in profiles(o)):
+        meant = [m for m in there if m["operation"] == operation.name and profile in ("", m.get("profile"))]
+        shapes = [shape for m in meant for shape in _shapes(m, operation)]
         for dimension in dict.fromkeys(symbol for port_symbols, _ in shapes for symbol in port_symbols if symbol):
             largest = max(shape[axes.index(dimension)] for axes, shape in shapes if dimension in axes)
             most, reason = limit(operation, dimension)
-            rows.append([f"`{name}`", dimension, f"{largest:,}", f"{most:,}" if most else "none", reason])
-    return _table(["operation", "dimension", "largest", "capacities up to", "because"], rows)
+            demanded = f"{most:,}" if most else "none"
+            rows.append([f"`{operation.name}`", profile, dimension, f"{largest:,}", demanded, reason])
+    return _table(["operation", "profile", "dimension", "largest", "capacities up to", "because"], rows)
 
 
 def _shapes(manifest: Manifest, operation: Operation) -> list[tuple[list[str], list[int]]]:

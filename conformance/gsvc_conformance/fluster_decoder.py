@@ -2,10 +2,12 @@
 
 ``GSVC`` is your decoder: the variable GSVC_DECODER has a command that is run as ``COMMAND IN.gsvc OUT.raw``. It writes
 the frames, rendered deterministically, as raw video: of each frame the planes G, B and R, each row by row; a sample has
-one byte where the bit depth is 8, else two, the least significant first. Exit status 77 means that it does not support
-the stream. ``GSVC-spec`` is the decoder inside spec.md, if gsvc_conformance is installed beside fluster.
+one byte where the bit depth is 8, else two, the least significant first. In the suite ``GSVC-layers`` it is run as
+``COMMAND IN.gsvc OUT.raw LAYER``, and shows all frames with their layers up to this one; layer 0 is the base. Exit
+status 77 means that it does not support the stream. ``GSVC-spec`` is the decoder inside spec.md, if gsvc_conformance
+is installed beside fluster.
 
-Fluster's list of codecs has no GSVC, so the codec is NONE here and in the suite.
+Fluster's list of codecs has no GSVC, so the codec is NONE here and in the suites.
 """
 
 import importlib.util
@@ -51,8 +53,9 @@ class CommandDecoder(Decoder):  # type: ignore[misc]  # fluster has no types
         optional_params: Optional[Dict[str, Any]] = None,  # noqa: UP006, UP045
     ) -> str:
         """Run the command; the MD5 of what it wrote."""
+        layer = [str(optional_params["layer"])] if optional_params else []
         try:
-            run_command([*self.command(), input_filepath, output_filepath], timeout=timeout, verbose=verbose)
+            run_command([*self.command(), input_filepath, output_filepath, *layer], timeout=timeout, verbose=verbose)
         except CalledProcessError as error:
             if error.returncode == EXIT_UNSUPPORTED:
                 raise NotSupportedError(f"{self.name} does not support the stream") from None

@@ -3,8 +3,9 @@
 import pytest
 
 from gsvc_conformance.__main__ import main
-from gsvc_conformance.capacities import CAPACITIES, LIMITS, dimensions, rows, symbols
+from gsvc_conformance.capacities import CAPACITIES, LIMITS, dimensions, profiles, rows, symbols
 from gsvc_conformance.operation import Port, operations
+from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.vector import VECTORS, read
 
 
@@ -23,7 +24,7 @@ def test_every_capacity_is_caught(name):
 def test_the_command_prints_the_table(capsys):
     assert main(["capacities", "--operation", "to_half"]) == 0
     out = capsys.readouterr().out
-    assert "| `to_half` | N | 70,001 | 32 to 65,536 | all |" in out
+    assert "| `to_half` |  | N | 70,001 | 32 to 65,536 | all |" in out
     assert out.endswith("every capacity is caught\n")
 
 
@@ -38,6 +39,22 @@ def test_limits_are_those_of_dimensions_that_exist_and_have_a_reason():
         assert (name, dimension) in there or (name == "*" and dimension in {other for _, other in there})
         assert reason
         assert most == 0 or most in CAPACITIES
+
+
+def test_streams_are_held_against_each_profile_alone():
+    of_streams = {name: profiles(operation) for name, operation in operations().items() if profiles(operation) != ("",)}
+    both = ("reconstruct_stream", "seek", "decode_stream", "decode_stream_deterministic")
+    main = ("read_main_stream", "reconstruct_layers", "decode_layers")
+    assert of_streams == {"read_stream": ("paper",), **dict.fromkeys(both, PROFILES), **dict.fromkeys(main, ("main",))}
+
+
+@pytest.mark.exhaustive
+def test_without_its_large_streams_a_profile_is_found_wanting():
+    vectors = [v for v in vectors_of("decode_stream") if v.manifest["profile"] == "paper" or v.tier == "core"]
+    missed = {(row.profile, row.dimension): len(row.missed) for row in rows(operations()["decode_stream"], vectors)}
+    assert missed.pop(("main", "W")) > 0
+    assert missed.pop(("main", "H")) > 0
+    assert not any(missed.values())
 
 
 def test_symbols_of_shapes():

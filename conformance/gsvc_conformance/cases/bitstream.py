@@ -104,7 +104,7 @@ def level(value: int) -> Inputs:
         assert result(expected, "header")[1] == value
 
 
-@on("core", *FRAMES, flags=["bit-depth"], each={str(depth): depth for depth in (8, 9, 10, 12, 16)})
+@on("core", *FRAMES, flags=["bit-depth"], each={str(depth): depth for depth in range(8, 17)})
 def bit_depth(value: int) -> Inputs:
     """Frames of {key} bits."""
     expected = yield {"stream": stream_of([FrameCodes.intra_frame(intra_block(5))], bit_depth=value)}

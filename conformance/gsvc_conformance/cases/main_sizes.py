@@ -57,8 +57,8 @@ def changed(count: int, *, last: int = -1) -> MainCodes:
 
 @on("core", *READ, flags=["prediction", CAPACITY], rules=["R-6.4-1"])
 def main_group_of_300_frames(rng: Draws) -> Inputs:
-    """A group of 300 frames: models adapt 240 times, and what the I-frame keeps is kept to the end."""
-    plans = [Plan("R") if n % 5 == 4 else Plan("P", int(n % 100 == 50), None, n % 3, motion_cell=n % 4, own=False)
+    """A group of 300 frames: models adapt 266 times, and what the I-frame keeps is kept to the end."""
+    plans = [Plan("R") if n % 9 == 8 else Plan("P", int(n % 100 == 50), None, n % 3, motion_cell=n % 4, own=False)
              for n in range(1, 300)]  # fmt: skip
     expected = yield {"stream": main_stream(rng, Plan("I", 4), *plans)}
     assert len(result(expected, "counts")) == 300

@@ -19,7 +19,7 @@ def run(arguments: Namespace) -> int:
     """Print the table in Markdown; 0 if every capacity that is demanded is caught, else 1."""
     folder = VectorFolder(arguments.vectors)
     names = folder.select(selection(arguments))
-    show("| operation | dimension | largest | demanded | caught |", "|---|---|---|---|---|")
+    show("| operation | profile | dimension | largest | demanded | caught |", "|---|---|---|---|---|---|")
     missed = 0
     for name, operation in operations().items():
         of_operation = [vector for vector in names if vector.split("/")[1] == name]
@@ -36,4 +36,4 @@ def line(row: Row) -> str:
     because = f" ({row.reason})" if row.reason and row.demanded != CAPACITIES else ""
     missed = ", ".join(f"{k:,}" for k in row.missed)
     caught = f"not {missed}" if missed else "all" if row.demanded else ""
-    return f"| `{row.operation}` | {row.dimension} | {row.largest:,} | {demanded}{because} | {caught} |"
+    return f"| `{row.operation}` | {row.profile} | {row.dimension} | {row.largest:,} | {demanded}{because} | {caught} |"

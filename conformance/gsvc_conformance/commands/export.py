@@ -20,7 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )  # fmt: skip
     form.add_argument(
         "--fluster", type=Path, metavar="OUT",
-        help="all deterministic frames of streams as a test suite for fluster, with its streams and a decoder class",
+        help="all deterministic frames of streams as test suites for fluster, with their streams and a decoder class",
     )  # fmt: skip
     add_vectors(parser)
     add_selection(parser)
@@ -38,11 +38,11 @@ def run(arguments: Namespace) -> int:
 
 
 def export_fluster(arguments: Namespace) -> int:
-    """Write a suite for fluster."""
+    """Write the suites for fluster."""
     from gsvc_conformance.fluster import export, lines
 
     if str(selection(arguments)):
-        raise UsageError("a suite for fluster has all its vectors: leave the selection out")
+        raise UsageError("suites for fluster have all their vectors: leave the selection out")
     show(*lines(arguments.fluster, export(arguments.vectors, arguments.fluster)))
     return 0
 

@@ -439,6 +439,8 @@ LAYERS: tuple[Mutant, ...] = (
     mutant(AREA, "layers-of-one-state", "layers that are predicted from the layer below",
         ("copied(layers.before[layer]) if layer_type",
          "copied({**layers.before, **layers.there}.get(layer - 1, layers.before[layer])) if layer_type")),
+    mutant(AREA, "layers-drawn-late", "pictures drawn before the chunks of their layers are read",
+        ("[\"frame\"] for frame in list(frames)])}", "[\"frame\"] for frame in frames])}")),
     mutant(AREA, "layers-above-shown", "the layers above the one that is wanted shown as well",
         ("    if layer > layers.quality:\n        return None\n", "")),
     mutant(AREA, "layers-below-left-out", "the wanted layer alone on the base, without those below it",
