@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gsvc_base.rendering.error_models import EPS, ETA
+from gsvc_base.rendering.error_models import EPS, ETA, LOCAL
 from gsvc_conformance import spec
 from gsvc_ref.bitstream.chunks import END_CHUNK_SIZE
 from gsvc_ref.bitstream.golomb import GOLOMB_LONGEST
@@ -22,6 +22,7 @@ NAMED = re.compile(r"`([A-Z][A-Z0-9_]*)`")
 OTHERS = {
     "unit of the error model": EPS,
     "loss by underflow in the error model": ETA,
+    "pixels between a pixel and the place that stored positions are relative to": LOCAL,
     "maximum number of leading zeros of an `eg(k)`": GOLOMB_LONGEST,
     "size of the end chunk in bytes": END_CHUNK_SIZE,
     "maximum relative L2 error and bias of a group of gradients": None,  # only the kit judges groups

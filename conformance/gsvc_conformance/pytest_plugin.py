@@ -21,6 +21,7 @@ OPTIONS = {
     "case": ("GLOB", "only vectors whose id, or its last part, matches; may be given several times"),
     "waivers": ("FILE", "known failures (TOML), as strict xfail"),
     "features": ("FILE", "what it is made for (TOML): all that is inside is required, all else may be refused"),
+    "model": ("MODEL", "the error model that bounds are derived from, such as tf32/1 (default: fp32/1)"),
     "set": ("N", "the vectors of this set (default: the newest)"),
     "vectors": ("DIR", "the vectors (default: those of the kit)"),
 }

@@ -18,7 +18,9 @@ import pytest
 from gsvc_base.cli.errors import describe_os_error
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
+from gsvc_base.rendering.error_models import FP32
 from gsvc_conformance.causes import Causes, Search, added
+from gsvc_conformance.claim import read_model
 from gsvc_conformance.commands import wanted_set
 from gsvc_conformance.commands.judging import environment
 from gsvc_conformance.features import read_features
@@ -42,7 +44,7 @@ SENT: Final = "gsvc"
 """The name of what a process of pytest-xdist sends when it ends."""
 NOT_CLAIMED: Final = "not claimed"
 NO_FUNCTION: Final = "has no function"
-HOW: Final = ("timeout", "features", "set", "vectors")
+HOW: Final = ("timeout", "features", "model", "set", "vectors")
 """The options that say how a vector is judged, whichever it is."""
 MARKER: Final = "gsvc: golden vectors of GSVC (--gsvc-module, --gsvc-impl, --gsvc-serve)"
 
@@ -107,6 +109,7 @@ class Run:
         if unmatched := self._waivers.unmatched(self._folder.names):
             raise UsageError(f"{self._file}: {unmatched[0]}")
         self._waived = self._waivers.among(self._folder.names).counting
+        self._model = read_model(option("model") or FP32.name)
         self._features = read_features(Path(option("features"))) if option("features") else None
         self.implementation = _implementation(option, config.rootpath)
         # In one word each: pytest takes a word that is a file or folder for a path to tests.
@@ -133,7 +136,7 @@ class Run:
     def judged(self, name: str) -> Result:
         """Ask for a vector's outputs and judge them; with its waiver, if one counts."""
         (vector,) = self._folder.read([name])
-        judged = judge_vector(self.implementation, vector, self._features)
+        judged = judge_vector(self.implementation, vector.by_model(self._model), self._features)
         if (waiver := self._waived.get(name)) and judged.result.outcome in FAULTS:
             judged = excused(judged, waiver.excuse)
         self._causes.add(judged)
@@ -182,7 +185,7 @@ class Run:
         return Report(
             environment(self.implementation.name, self._folder), "", str(self.selection), notes, there,
             self.implementation.environment, whole=self.selection.whole and len(there) == len(self.names),
-            features=self._features,
+            features=self._features, model=self._model.name,
         )  # fmt: skip
 
 

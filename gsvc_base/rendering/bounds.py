@@ -1,9 +1,9 @@
-"""Bounds of the error of a correct binary32 renderer, per pixel (R-9.2-1) and gradient, by the error model fp32/1.
+"""Bounds of the error of a correct renderer, per pixel (R-9.2-1) and gradient, by an error model (`error_models`).
 
-The model (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or multiplication has a
-relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has (3 + 2 x) eps (13-3); terms
-may be added in any order; a result below 2^-126 may become zero. gamma_k = k eps / (1 - k eps) bounds k roundings in a
-row. In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then
+The model fp32/1 (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or
+multiplication has a relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has
+(3 + 2 x) eps (13-3); terms may be added in any order; a result below 2^-126 may become zero. gamma_k =
+k eps / (1 - k eps) bounds k roundings in a row. In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then
 columns.
 
 **sigma.** With a = |dy| / l22 and b = |l21 u1| / l22, hence |u2| <= a + b:
@@ -35,6 +35,9 @@ d(Q) = (d(g) + gamma_5 (g + d(g))) A + 8 eta and M = |m| + d(m), over the P pixe
 The same with A = |e_k| and m = 1 gives dL/dc'. Each gradient is then one moment or the difference of two over entries
 of L: their errors, gamma_12 of their absolute sums and what underflows, divided likewise. The factor gamma_(D+4) takes
 all roundings for equal and of one sign: aggregates (relative L2 and bias) are judged too.
+
+**Fewer digits.** The other models have the same formulas. Roundings of factors or of what is stored join those of
+binary32 (13-20), and there are more terms for what underflow loses, (13-22) to (13-26). For fp32/1 all of these are 0.
 
 Bounds are evaluated in binary64 by IEEE operations in a stated order, so that they have the same bits on every machine.
 """
@@ -83,6 +86,7 @@ class WeightErrors:
         eta, entry = model.eta, 2 * model.eta if model.narrow else 0.0
         dx, dy, u1, u2, sigma = (abs(part) for part in (pixels.dx, pixels.dy, pixels.u1, pixels.u2, pixels.sigma))
         later = 1 + model.digits(OF_SHEAR)  # what roundings make of absolute errors
+        # (13-22)
         absolute = later * eta * (1 + dx) + later * (model.position + entry * u1) / l11
         # Bounds of the errors of u1, u2 and sigma.
         self.delta_1 = model.growth(OF_U1) * u1 + absolute  # (13-5)
@@ -99,7 +103,7 @@ class WeightErrors:
         # exp(-sigma), covered or not, and its error.
         self.g_plain, highest, lowest = exp_minus(np.stack([sigma, nearest, farthest]))
         of_exp = (3 + 2 * nearest) * EPS * highest  # exp(-x) (3 + 2 x) falls: it is largest at the smallest x
-        of_stored = (1 + 2 * np.minimum(farthest, LARGEST_SIGMA)) * model.stored * highest
+        of_stored = (1 + 2 * np.minimum(farthest, LARGEST_SIGMA)) * model.stored * highest  # (13-23)
         self.d_g = np.maximum(highest - self.g_plain, self.g_plain - lowest) + of_exp + of_stored + eta  # (13-8)
         # Where either coverage decision is legal.
         distance = abs(sigma - LN_255)
@@ -141,7 +145,7 @@ class SumBound:
             self._smooth[at] += np.where(either[..., None] & lost, np.inf, 0.0)
 
     def bound(self) -> F8:
-        """(13-11): (H, W, 3) f8."""
+        """(13-11) and (13-24): (H, W, 3) f8."""
         model, n = self._model, self._terms
         magnitude = self._absolute + self._band
         roundings = model.growth(OF_TERM, n, n) * magnitude
@@ -245,7 +249,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8, mo
         highest = (errors.g_plain * A + d_Q) * M
         lost = later * (2 * eta + entry * (1 + errors.g_plain * A + d_Q))
         error = d_Q * M + errors.g_plain * A * d_m + order * highest + lost
-        return added(highest[either]), added(error[either]) + added(highest[errors.band])  # (13-15)
+        return added(highest[either]), added(error[either]) + added(highest[errors.band])  # (13-15), (13-25)
 
     def total(*parts: tuple[tuple[float, float], float, float]) -> float:
         """The error of a sum of moments times factors: (absolute sum, error), factor, absolute error of the factor."""
@@ -275,7 +279,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8, mo
 
 
 def _product(moment: tuple[float, float], factor: float, lost: float, model: ErrorModel) -> float:
-    """The error of a moment (absolute sum, error) times a factor, which may lose something itself (13-16)."""
+    """The error of a moment (absolute sum, error) times a factor, which may lose something itself (13-16), (13-26)."""
     absolute, error = moment
     most, eta = absolute + error, model.eta
     later = 1 + model.digits(OF_FACTOR)

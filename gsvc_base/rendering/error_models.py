@@ -1,9 +1,9 @@
-"""Error models: what the arithmetic of an implementation may do, for bounds that hold for every order and arrangement.
+"""Error models: what the arithmetic of an implementation may do (spec.md section 13.3, R-13.3-1).
 
-fp32/1 is binary32 with any rounding direction (13-1) to (13-4). The others round to fewer digits as well (13-19): tf32/1
-both factors of each product, as tensor cores do, and bf16/1 and fp16/1 whatever is stored, which is every input and every
-result; sums of many terms stay in binary32, but for fp16-sums/1, which adds up to 16 terms in binary16. Positions are
-stored relative to a pixel of the tile: a bound for positions in the frame would say nothing.
+fp32/1 is binary32 with any rounding direction, (13-1) to (13-4). The others round to fewer digits as well (13-19).
+tf32/1 rounds both factors of each product, as tensor cores do. bf16/1 and fp16/1 round whatever is stored: every input
+and every result. Long sums stay in binary32, but for fp16-sums/1, which adds up to 16 terms in binary16. Positions are
+stored relative to a place near the pixel: a bound for positions in the frame would say nothing.
 """
 
 from dataclasses import dataclass
@@ -88,7 +88,7 @@ class ErrorModel:
         return float(gamma(roundings.factors, self.factor) + gamma(roundings.stored, self.stored))
 
     def growth(self, roundings: Roundings, sums: ArrayLike = 0, terms: ArrayLike = 1) -> F8:
-        """The relative error of roundings in a row (13-20), with `sums` more to binary32 in a sum of so many `terms`."""
+        """The relative error of roundings in a row (13-20), with `sums` more to binary32 in a sum of `terms`."""
         wide = gamma(np.asarray(sums) + roundings.binary32)
         if not self.narrow:
             return wide

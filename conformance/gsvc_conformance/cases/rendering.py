@@ -12,6 +12,8 @@ from gsvc_conformance.cases.splat_sets import COLOR, MIN_GUARDS, population, spl
 from gsvc_conformance.operations.rendering import edge_margins
 
 SMALLEST = 2.0**-126
+FAINT = 2.0**-11 * (1 - 2.0**-10)
+"""Less than half of the last place of 1 in binary16."""
 
 
 @case("core", "render_sum", flags=["empty"])
@@ -236,6 +238,14 @@ def the_same_splat_again_and_again() -> Inputs:
     """One splat a hundred times."""
     expected = yield {"parameters": np.repeat(splat(5.2, 4.4, 1.5, 0.6, 1.25), 100, axis=0), "width": 11, "height": 9}
     assert expected["sum"].value[4, 5, 0] > 70
+
+
+@case("core", "render_sum", flags=["many"])
+def faint_after_bright() -> Inputs:
+    """A bright splat before fifteen so faint that sums in binary16 lose each of them."""
+    bright, faint = splat(8.5, 8.5, 4.0, 0.0, 4.0, (1, 1, 1)), splat(8.5, 8.5, 4.0, 0.0, 4.0, (FAINT, FAINT, FAINT))
+    expected = yield {"parameters": splats(bright, *[faint] * 15), "width": 17, "height": 17}
+    assert expected["sum"].value[8, 8, 0] == 1 + 15 * FAINT
 
 
 @case("core", "render_sum", flags=["cancellation", "shear"])
