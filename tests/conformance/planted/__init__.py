@@ -223,7 +223,7 @@ def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict
         return "right"
     vague = (*VAGUE, WHERE) if not mutant.near else (*(start for start in VAGUE if start != SHAPES), WHERE)
     sure = [text for text in texts if not text.startswith(vague) and not HEDGES.search(text)]
-    if sure and (sure[0] == texts[0] or not re.search(f"{mutant.right}|{mutant.near}", sure[0])):
+    if sure and (sure[0] == texts[0] or not any(re.search(words, sure[0]) for words in (mutant.right, mutant.near))):
         return "wrong"
     near = (
         re.search(mutant.near, "\n".join([*(RIGHT_ONES.sub("", text) for text in texts), begin]))
