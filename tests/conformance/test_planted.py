@@ -81,7 +81,7 @@ LINES = ("errors in S alone (main_inter: 3 of 3 examined)", "a g_s that has no m
     [
         ("g_s", "", LINES[::-1], "right"),
         ("g_s", "(?!)", LINES, "nothing"),
-        ("shear", "errors in S", LINES, "wrong"),
+        ("(?i)shear", "(?i)errors in s", LINES, "wrong"),
         ("shear", "errors in S", LINES[:1], "place"),
         ("shear", "", LINES, "place"),
         ("shear", "main_inter", (), "place"),

@@ -61,7 +61,7 @@ COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
 """How often a sentence is said, behind it."""
 RIGHT_ONES: Final = re.compile(r"; [^;]* (is|are) right$")
 """What a sentence about a place says of the other outputs."""
-HEDGES: Final = re.compile(rf"could be|need not be yours|{MEND}|^a legal stream refused|^a refusal of another kind")
+HEDGES: Final = re.compile(rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind")
 """What a sentence has that gives no cause for sure, but for places (`VAGUE`, `WHERE`)."""
 SHAPES: Final = "only vectors "
 """What a cause by shapes begins with: a place in the lists without `near`; in the others it is nonsense unless it is near."""
@@ -223,7 +223,7 @@ def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict
         return "right"
     vague = (*VAGUE, WHERE) if not mutant.near else (*(start for start in VAGUE if start != SHAPES), WHERE)
     sure = [text for text in texts if not text.startswith(vague) and not HEDGES.search(text)]
-    if sure and (sure[0] == texts[0] or not re.search(f"{mutant.right}|{mutant.near}", sure[0])):
+    if sure and (sure[0] == texts[0] or not any(re.search(words, sure[0]) for words in (mutant.right, mutant.near))):
         return "wrong"
     near = (
         re.search(mutant.near, "\n".join([*(RIGHT_ONES.sub("", text) for text in texts), begin]))
