@@ -309,7 +309,7 @@ def _judge(operation: Operation, name: str, expectation: Expectation, actual: ob
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
-    message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    message = with_names(operation, name, judgement.message, np.shape(expectation.value))
     refused = _refused(expectation, actual)
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,

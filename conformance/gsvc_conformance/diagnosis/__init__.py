@@ -18,8 +18,9 @@ from gsvc_conformance.diagnosis.catalogue import mutants_for
 from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.looks import Look, generic_looks
 from gsvc_conformance.diagnosis.places import common_condition, output_sentence
+from gsvc_conformance.diagnosis.prefixes import FIRST_WRONG, RIGHT_SO_FAR, prefix_sentences
 from gsvc_conformance.diagnosis.ratios import spread
-from gsvc_conformance.diagnosis.streams import kind_sentence, refusal_sentence
+from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, kind_sentence, refusal_sentence
 from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
 from gsvc_conformance.expectations import Bounded, Exact, Refusal
 from gsvc_conformance.operation import input_size
@@ -30,7 +31,10 @@ __all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "is_place", "
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
-VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE, MAYBE)
+VAGUE: Final = (
+    "errors in ", "errors only ", "only vectors ", "every vector ", FIRST_WRONG, RIGHT_SO_FAR, REFUSED_LEGAL,
+    catalogue.ALIKE, MAYBE,
+)  # fmt: skip
 """Beginnings of sentences that say where errors are, not what they are."""
 
 PLACE: Final = re.compile(r" are (0|NaN|wrong|all [-+.e\d]+)( |$)|pixels left out (that lie )?beyond ")
@@ -143,7 +147,9 @@ def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) ->
         found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
         found = found or _one_step(compared) or _imprecision(failure)
     if not found or found == look.weak[:1]:
-        found += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
+        prefix, refusal = prefix_sentences(failure), refusal_sentence(failure)
+        places = (refusal, *prefix) if prefix else (*found, refusal, _outputs(failure))
+        found = [sentence for sentence in (*places, common) if sentence]
     return list(dict.fromkeys(found))[:MAX_SENTENCES]
 
 

@@ -1,8 +1,8 @@
 """Greedy attribution: the mutant that removes most of the error, then the one that removes most of what is left.
 
-Code of others has two or three departures at once, and sums in another order, so that no mutant gives its numbers exactly.
-The *share* of some mutants is the part of the squared error that is gone if the implementation is compared with them, not with
-the right output: the median over vectors. Where numbers are codes, the wrong ones are counted instead.
+Code of others has two or three departures at once, and sums in another order, so that no mutant gives its numbers
+exactly. The *share* of some mutants is the part of the squared error that is gone if the implementation is compared
+with them, not with the right output: the median over vectors. Where numbers are codes, the wrong ones are counted.
 """
 
 from collections.abc import Iterable, Sequence

@@ -14,6 +14,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
+from gsvc_conformance.diagnosis.coded import is_cut, same_symbols
+from gsvc_conformance.diagnosis.streams import is_desync
 from gsvc_conformance.expectations import NO_ARRAYS, Exact, Refusal
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, called
 from gsvc_conformance.operation import Values
@@ -64,6 +66,7 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
     )  # fmt: skip
     plain = {mutant for failure in failures if not _tells_little(failure) for mutant in found[failure.vector.id]}
     plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
+    decided = Counter(mutant for failure in failures if not is_desync(failure) for mutant in found[failure.vector.id])
     likely = {
         mutant for mutant in fit
         if (fit[mutant] >= MIN_FIT if mutant in plain else
@@ -73,6 +76,8 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
     said = {}
     for failure in failures:
         these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
+        if is_desync(failure):  # which any mutant gives that reads something before it wrongly
+            these = [mutant for mutant in these if mutant in plain and decided[mutant] >= MISSING]
         sure = [mutant for mutant in these if mutant in plain]
         if sure:
             said[failure.vector.id] = _best(sure, fit)[:MOST]
@@ -146,6 +151,8 @@ def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
 def _explanations(failure: Failure) -> list[Mutant]:
     """The mutants that explain one failure; where none refuses at the same bit, those that name the same rule."""
     vector, outputs, _ = failure
+    if is_cut(failure):
+        return [mutant for mutant in mutants_for(vector) if same_symbols(failure, mutant)]
     texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
     for given in (outputs, {**outputs, **texts}):
         found = [mutant for mutant in mutants_for(vector) if _share(vector, given, mutant) >= EXPLAINED]
