@@ -16,7 +16,7 @@ from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.level import header_payload
 from gsvc_conformance.names import with_names
-from gsvc_conformance.operation import Operation, Values, input_size
+from gsvc_conformance.operation import Operation, Values, input_size, is_unusual
 from gsvc_conformance.profiles import stated_profile
 from gsvc_conformance.results import FAULTS, REFUSED, Outcome, OutputResult, Result
 from gsvc_conformance.side_by_side import comparison
@@ -302,7 +302,7 @@ def judge_outputs(
         f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
     )
     result = _result(vector, "fail", message, judged, seconds)
-    return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
+    return replace(result, table=comparison(vector, outputs))
 
 
 def _judge(operation: Operation, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
@@ -369,9 +369,11 @@ def _is_nothing(value: object) -> bool:
 def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
+    wrong = outcome in FAULTS
     return Result(
         vector.id, vector.title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level,
-        profile=vector.profile,
+        profile=vector.profile, size=input_size(vector.inputs) if wrong else 0,
+        unusual=wrong and is_unusual(vector.inputs),
     )  # fmt: skip
 
 

@@ -13,8 +13,8 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.diagnosis import catalogue
-from gsvc_conformance.diagnosis.attribution import MAYBE, OPEN, Attribution, attributed
-from gsvc_conformance.diagnosis.catalogue import mutants_for
+from gsvc_conformance.diagnosis.attribution import OPEN, Attribution, attributed
+from gsvc_conformance.diagnosis.catalogue import MAYBE, mutants_for
 from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.looks import Look, generic_looks
 from gsvc_conformance.diagnosis.places import common_condition, output_sentence
@@ -23,10 +23,10 @@ from gsvc_conformance.diagnosis.ratios import spread
 from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, kind_sentence, refusal_sentence
 from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
 from gsvc_conformance.expectations import Bounded, Exact, Refusal
-from gsvc_conformance.operation import input_size
+from gsvc_conformance.operation import input_size, is_unusual
 from gsvc_conformance.vector import Vector
 
-__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
+__all__ = ["EXAMINED", "MAYBE", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
 
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
@@ -72,11 +72,18 @@ FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 
 
 def examined(failures: Sequence[Failure]) -> list[Failure]:
-    """The failures that are looked at, of all sizes, the simplest first."""
-    ordered = sorted(failures, key=lambda failure: input_size(failure.vector.inputs))
+    """The failures that are looked at, of all sizes, the smallest first; the simplest is one of them."""
+    ordered = sorted(failures, key=_size)
     if len(ordered) <= EXAMINED:
         return ordered
-    return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
+    simplest = min(ordered, key=lambda failure: (is_unusual(failure.vector.inputs), _size(failure)))
+    others = [failure for failure in ordered if failure is not simplest]
+    spread = [others[place * (len(others) - 1) // (EXAMINED - 2)] for place in range(EXAMINED - 1)]
+    return sorted([simplest, *spread], key=_size)
+
+
+def _size(failure: Failure) -> int:
+    return input_size(failure.vector.inputs)
 
 
 def is_place(sentence: str) -> bool:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_conformance.diagnosis.catalogue import answer_of, both, mutants_for
+from gsvc_conformance.diagnosis.catalogue import MAYBE, answer_of, both, mutants_for
 from gsvc_conformance.diagnosis.failures import F8, Failure, Part, count, parts, wrong_outputs
 from gsvc_conformance.expectations import Interval
 from gsvc_conformance.mutants import Mutant
@@ -52,9 +52,6 @@ FOUND: Final = 0.5
 
 MOST_LEFT: Final = 2.0
 """What is left counts for no more than this: also where a mutant crashes, or gives no number."""
-
-MAYBE: Final = "could be "
-"""Beginning of a sentence that is not certain."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ NEW_PASSES: Final = ("k0", "chroma", "size, aspect and shear")
 
 
 def prefix_sentences(failure: Failure) -> list[str]:
-    """What is wrong first, in general and of this vector, or how far all is right; none if no output is too short or long."""
+    """What is wrong first, in general and of this vector, or how far all is right; none if lengths are right."""
     pairs = dict(_pairs(failure))
     short = [name for name, (right, mine) in pairs.items() if len(right) != len(mine)]
     if not short:
@@ -92,10 +92,10 @@ class _Home:
         passes = self.expected[CODED_FIRST][:, 2].astype(np.int64)
         run = np.concatenate([[0], np.cumsum(np.diff(passes) < 0)])[: len(passes)]
         coded = numbers[old + new > 0]
-        known = len(passes) and run[-1] + 1 == len(coded)  # else a frame begins with the pass that the last one ended with
-        return {name: np.repeat(numbers, old) for name in ("modes", "differences")} | (
-            {CODED_FIRST: coded[run]} if known else {}
-        )
+        homes = {name: np.repeat(numbers, old) for name in ("modes", "differences")}
+        if len(passes) and run[-1] + 1 == len(coded):  # else a frame begins with the pass with which another one ended
+            homes[CODED_FIRST] = coded[run]
+        return homes
 
     def words(self, name: str, place: tuple[int, ...]) -> Iterator[str]:
         """The frame and the item of an element, and its column."""
