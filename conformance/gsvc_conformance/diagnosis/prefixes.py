@@ -89,18 +89,30 @@ class _Home:
         counts, types = self.expected["counts"], self.expected["frame_types"]
         old = np.where(types[numbers] == ord("P"), counts[np.maximum(numbers - 1, 0)], 0)
         self.old, self.new = (dict(zip(numbers.tolist(), some.tolist(), strict=True)) for some in (old, new))
-        passes = self.expected[CODED_FIRST][:, 2].astype(np.int64)
-        run = np.concatenate([[0], np.cumsum(np.diff(passes) < 0)])[: len(passes)]
-        coded = numbers[old + new > 0]
         homes = {name: np.repeat(numbers, old) for name in ("modes", "differences")}
-        if len(passes) and run[-1] + 1 == len(coded):  # else a frame begins with the pass with which another one ended
-            homes[CODED_FIRST] = coded[run]
+        return {**homes, CODED_FIRST: self._of_symbols()}
+
+    def _of_symbols(self) -> Array:
+        """The frame of each symbol: passes go up in a frame, and one without new splats has a mode for each old one."""
+        passes = self.expected[CODED_FIRST][:, 2].astype(np.int64)
+        homes = np.full(len(passes), -1)
+        start = 0
+        for frame in self.old:
+            if self.old[frame] + self.new[frame] == 0:
+                continue
+            falls = np.flatnonzero(np.diff(passes[start:]) < 0)
+            end = start + int(falls[0]) + 1 if len(falls) else len(passes)
+            modes = start + np.flatnonzero(passes[start:end] == MODES)
+            if self.new[frame] == 0 and len(modes) > self.old[frame]:
+                end = int(modes[self.old[frame]])
+            homes[start:end] = frame
+            start = end
         return homes
 
     def words(self, name: str, place: tuple[int, ...]) -> Iterator[str]:
         """The frame and the item of an element, and its column."""
         number, home = place[0], self.frames.get(name)
-        if home is not None:
+        if home is not None and home[number] >= 0:
             yield f"frame {home[number]}"
             number -= int(np.flatnonzero(home == home[number])[0])
         if name == CODED_FIRST:
@@ -115,7 +127,7 @@ class _Home:
     def pass_of(self, row: int) -> str:
         """What the pass of a symbol is about; '' if that cannot be told."""
         home = self.frames.get(CODED_FIRST)
-        if home is None:
+        if home is None or home[row] < 0:
             return ""
         frame, turn = int(home[row]), int(self.expected[CODED_FIRST][row, 2])
         same = (home[:row] == frame) & (self.expected[CODED_FIRST][:row, 2] == turn)
