@@ -77,12 +77,10 @@ def _form(expected: Array, actual: object) -> Judgement | None:
 def _as_far(expectation: "OfArrays", failure: Judgement, actual: object) -> Judgement:
     """The failure of an array with another number of items, and whether those are right that both have."""
     right = expectation.value
-    if not isinstance(actual, np.ndarray) or actual.dtype.kind != right.dtype.kind:
-        return failure
-    if not 0 < actual.ndim == right.ndim or actual.shape[1:] != right.shape[1:]:
+    if not isinstance(actual, np.ndarray) or not 0 < actual.ndim == right.ndim or actual.shape[1:] != right.shape[1:]:
         return failure
     common = min(len(actual), len(right))
-    if common == 0:
+    if common == 0 or len(actual) == len(right):  # it has another type
         return failure
     parts = {name: part for name, part in vars(expectation).items() if isinstance(part, np.ndarray) and part.ndim}
     begin = replace(expectation, **{name: part[:common] for name, part in parts.items()})

@@ -20,7 +20,7 @@ from gsvc_conformance.diagnosis.looks import Look, generic_looks
 from gsvc_conformance.diagnosis.places import common_condition, output_sentence
 from gsvc_conformance.diagnosis.prefixes import FIRST_WRONG, RIGHT_SO_FAR, prefix_sentences
 from gsvc_conformance.diagnosis.ratios import spread
-from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, kind_sentence, refusal_sentence
+from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, is_desync, kind_sentence, refusal_sentence
 from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
 from gsvc_conformance.expectations import Bounded, Exact, Refusal
 from gsvc_conformance.operation import input_size, is_unusual
@@ -136,7 +136,8 @@ def _attribute(found: Attribution, looks: dict[str, Look], named: dict[str, list
     """Name what an attribution has found where nothing else is named, and where it gives all that was given."""
     for name in found.ids:
         if found.shares[name] == 1 or not (looks[name].strong or named.get(name)):
-            looks[name].strong, named[name] = [], [found.sentence]
+            weak = [] if found.sure else looks[name].weak[:1]
+            looks[name].strong, named[name] = [], [found.sentence, *weak]
 
 
 def _simplest(errors: Sequence[Vector]) -> str:
@@ -153,10 +154,11 @@ def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) ->
         compared = given if len(given) == len(wrong_outputs(failure.vector, failure.outputs)) else []
         found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
         found = found or _one_step(compared) or _imprecision(failure)
-    if not found or found == look.weak[:1]:
+    alike = is_desync(failure) and all(sentence.startswith(catalogue.ALIKE) for sentence in found)
+    if not found or found == look.weak[:1] or alike:
         prefix, refusal = prefix_sentences(failure), refusal_sentence(failure)
-        places = (refusal, *prefix) if prefix else (*found, refusal, _outputs(failure))
-        found = [sentence for sentence in (*places, common) if sentence]
+        places = (refusal, *prefix[-1:], *found) if alike else (*prefix,) if prefix else (*found, refusal)
+        found = [sentence for sentence in (*places, "" if prefix else _outputs(failure), common) if sentence]
     return list(dict.fromkeys(found))[:MAX_SENTENCES]
 
 

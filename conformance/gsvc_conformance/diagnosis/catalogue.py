@@ -76,9 +76,8 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
     said: dict[str, list[str]] = {}
     for failure in failures:
         these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
-        if is_desync(failure):  # which any mutant gives that reads something before it wrongly
-            these = [mutant for mutant in these if mutant in plain and decided[mutant] >= MISSING]
-        sure = [mutant for mutant in these if mutant in plain]
+        least = MISSING if is_desync(failure) else 0  # any mutant gives one that reads something before it wrongly
+        sure = [mutant for mutant in these if mutant in plain and decided[mutant] >= least]
         if sure:
             said[failure.vector.id] = _best(sure, fit)[:MOST]
         elif not _missing_part(failure):

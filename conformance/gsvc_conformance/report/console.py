@@ -29,6 +29,10 @@ MAX_REASON: Final = 120
 """Maximum length of the reason of a waiver."""
 RARE: Final = 0.3
 """Minimum fraction of the examined failures of its operations that look like a probable cause."""
+HALF: Final = 0.5
+"""The same of a cause that is told without a hedge."""
+SOME: Final = 3
+"""Minimum number of failures that look like a cause that is told, hedged, because there is no other."""
 WHERE: Final = "where: "
 SURE: Final = "run the whole operation to be sure"
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
@@ -191,13 +195,16 @@ def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> 
             causes.append(_cause(sentence, results, report, looked))
     if causes:
         return causes
-    told = [entry for entry in ranked if len(entry[1]) > 1 and not is_place(entry[0]) and not entry[0].endswith(MEND)]
-    return [_cause(f"{MAYBE}{sentence}", results, report, looked) for sentence, results in told[:1]]
+    told = [entry for entry in ranked if len(entry[1]) >= SOME and not is_place(entry[0])]
+    return [_cause(sentence, results, report, looked) for sentence, results in told[:1]]
 
 
 def _cause(sentence: str, results: Sequence[Result], report: Report, looked: Mapping[str, int]) -> Cause:
     counts = Counter(result.operation for result in results)
-    few = sum(looked[operation] for operation in counts) <= FEW
+    examined = sum(looked[operation] for operation in counts)
+    few = examined <= FEW
+    if len(results) < HALF * examined and not is_place(sentence) and not sentence.endswith(MEND):
+        sentence = f"{MAYBE}{sentence}"
     places = tuple(f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items())
     if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
         places = (*places[:-1], f"{places[-1]}; {SURE}")
