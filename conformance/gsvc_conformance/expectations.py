@@ -31,8 +31,8 @@ RELATIVE_L2: Final = 1e-5
 FEW_PLACES: Final = 64
 """Maximum error, in units in the last place, that is one of arithmetic and not of a wrong formula."""
 
-NOTHING: Final = 1e-30
-"""Bounds up to this are those of underflow: the result has to be exact."""
+APART: Final = 2.0
+"""The largest error is told of, too, where it is this many times that of the element with the largest ratio."""
 
 RELATIVE_BIAS: Final = 1e-6
 """Maximum signed sum of the errors of a group, as a fraction of the sum of magnitudes: finds a wrong factor."""
@@ -72,6 +72,21 @@ def _form(expected: Array, actual: object) -> Judgement | None:
     if actual.shape != expected.shape:
         return Judgement(False, f"has shape {actual.shape}; it must be {expected.shape}")
     return None
+
+
+def _as_far(expectation: "OfArrays", failure: Judgement, actual: object) -> Judgement:
+    """The failure of an array with another number of items, and whether those are right that both have."""
+    right = expectation.value
+    if not isinstance(actual, np.ndarray) or not 0 < actual.ndim == right.ndim or actual.shape[1:] != right.shape[1:]:
+        return failure
+    common = min(len(actual), len(right))
+    if common == 0 or len(actual) == len(right):  # it has another type
+        return failure
+    parts = {name: part for name, part in vars(expectation).items() if isinstance(part, np.ndarray) and part.ndim}
+    begin = replace(expectation, **{name: part[:common] for name, part in parts.items()})
+    verdict = begin.judge(np.ascontiguousarray(actual[:common]))
+    said = "right" if verdict.passed else f"wrong: it {verdict.message}"
+    return replace(failure, message=f"{failure.message}; the first {common} are {said}")
 
 
 def _first(wrong: Array) -> tuple[int, ...]:
@@ -118,7 +133,7 @@ class Exact:
         """Compare bit for bit."""
         failure = _form(self.value, actual)
         if failure or not isinstance(actual, np.ndarray):
-            return failure or Judgement(False)
+            return _as_far(self, failure or Judgement(False), actual)
         expected, given = (np.ascontiguousarray(a).reshape(a.shape) for a in (self.value, actual))
         wrong = _bits(expected) != _bits(given)
         return _differing(expected, given, wrong) if wrong.any() else Judgement(True)
@@ -153,7 +168,7 @@ class Decision:
         """Compare with both."""
         failure = _form(self.value, actual)
         if failure or not isinstance(actual, np.ndarray):
-            return failure or Judgement(False)
+            return _as_far(self, failure or Judgement(False), actual)
         wrong = actual != self.value
         if self.alternative is not None:
             wrong = wrong & (actual != self.alternative)
@@ -196,7 +211,7 @@ class Bounded:
         """Compare each element with its bound, then the groups."""
         failure = _form(np.empty(self.value.shape, self.dtype), actual)
         if failure or not isinstance(actual, np.ndarray):
-            return failure or Judgement(False)
+            return _as_far(self, failure or Judgement(False), actual)
         if actual.size == 0:
             return Judgement(True, ratio=0.0)
         wide = actual.astype(np.float64)
@@ -224,8 +239,13 @@ class Bounded:
         at = f" at {list(place)}" if place else ""
         of = f" ({wrong} of {actual.size} are wrong)" if actual.size > 1 else ""
         bound = np.asarray(self.bound)[place]
-        by = f"{worst:.3g} times the bound {bound:.3g}" if bound > NOTHING else "and must be none"
-        return f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}: the error is {error[place]:.3g}, {by}{of}"
+        by = f"{worst:.3g} times the bound {bound:.3g}" if bound > 0 else "and must be none"
+        said = f"is {actual[place]!s}{at}, expected {self.value[place]:.9g}: the error is {error[place]:.3g}, {by}{of}"
+        most = tuple(int(i) for i in np.unravel_index(int(np.argmax(error)), error.shape))
+        if error[most] < APART * error[place]:
+            return said
+        there = f"{actual[most]!s} at {list(most)}, expected {self.value[most]:.9g}"
+        return f"{said}; the largest error is {error[most]:.3g}: {there}"
 
     def _judge_groups(self, value: Array, signed: Array, worst: float, place: tuple[int, ...]) -> Judgement:
         for first, end in self.groups:
@@ -264,7 +284,7 @@ class Interval:
         """Compare with both ends."""
         failure = _form(self.value, actual)
         if failure or not isinstance(actual, np.ndarray):
-            return failure or Judgement(False)
+            return _as_far(self, failure or Judgement(False), actual)
         wrong = (actual < self.lowest) | (actual > self.highest)
         if not np.any(wrong):
             return Judgement(True)

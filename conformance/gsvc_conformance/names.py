@@ -126,15 +126,15 @@ def element(operation: Operation, output: str, place: tuple[int, ...], shape: tu
     return ", ".join(parts) or str(list(place))
 
 
-def with_names(
-    operation: Operation, output: str, message: str, place: tuple[int, ...] | None, shape: tuple[int, ...]
-) -> str:
-    """A judgement's sentence with names in place of indices."""
-    if place:
-        message = message.replace(f"at {list(place)}", f"at {element(operation, output, place, shape)}")
+def with_names(operation: Operation, output: str, message: str, shape: tuple[int, ...]) -> str:
+    """A judgement's sentence with names in place of the indices of elements and columns."""
+
+    def place(found: re.Match[str]) -> str:
+        return f"at {element(operation, output, tuple(int(index) for index in found[1].split(', ')), shape)}"
+
     names = columns(operation, output, shape[-1] if shape else None)
 
     def named(found: re.Match[str]) -> str:
         return ", ".join(names[int(found[1]) : int(found[2]) + 1]) or found[0]
 
-    return re.sub(r"columns (\d+)\.\.(\d+)", named, message)
+    return re.sub(r"columns (\d+)\.\.(\d+)", named, re.sub(r"at \[(\d+(?:, \d+)*)\]", place, message))

@@ -191,6 +191,29 @@ def input_size(inputs: Values) -> int:
     )
 
 
+SMALLEST: Final = 2.0**-10
+LARGEST: Final = 2.0**12
+"""The factors of a plain splat lie between these."""
+
+NEEDLE: Final = 32.0
+"""A splat whose factors differ by more than this is no plain one."""
+
+
+def is_unusual(inputs: Values) -> bool:
+    """Whether any splat of a vector is degenerate, a needle, or very small or large."""
+    for name in ("parameters", "values"):
+        table = inputs.get(name)
+        if isinstance(table, np.ndarray) and table.ndim == 2 and table.shape[1] >= 8 and len(table):
+            factors = table[:, 2:5].astype(np.float64)
+            ends = factors[:, [0, 2]]
+            with np.errstate(all="ignore"):
+                plain = (ends >= SMALLEST) & (ends.max(axis=1) <= LARGEST)[:, None]
+                plain &= (abs(factors).max(axis=1) <= NEEDLE * ends.min(axis=1))[:, None]
+            if not plain.all() or not np.isfinite(table).all():
+                return True
+    return False
+
+
 @cache
 def operations() -> Mapping[str, Operation]:
     """All operations by name, in the order of spec.md."""

@@ -121,6 +121,8 @@ class Result:
         Bytes of the inputs; of what is wrong only.
     level
         The level of spec.md section 5 from which on a claim needs the vector.
+    unusual
+        Whether a splat of the inputs is degenerate, a needle, very small or large; of what is wrong only.
     outside
         What the vector needs beside the features of the implementation, in words; empty if nothing, or not asked.
     profile
@@ -138,6 +140,7 @@ class Result:
     seconds: float = 0.0
     table: Table | None = None
     size: int = 0
+    unusual: bool = False
     level: int = 1
     outside: str = ""
     profile: str = ANY
@@ -161,10 +164,10 @@ class Result:
         return self.id.split("/")[1]
 
     @property
-    def simplicity(self) -> tuple[int, int, str]:
-        """The place among the results of its operation in the order in which to look at them: core, small inputs."""
+    def simplicity(self) -> tuple[int, bool, int, str]:
+        """The place among the results of its operation in the order in which to look at them: core, plain, small."""
         tier = TIERS.index(self.tier) if self.tier in TIERS else len(TIERS)
-        return tier, self.size, self.id
+        return tier, self.unusual, self.size, self.id
 
     @property
     def ratio(self) -> float | None:
@@ -425,7 +428,7 @@ class Report:
 
 
 def simplest_first(results: Iterable[Result]) -> list[Result]:
-    """Results in the order in which to look at them: leaf operations first, core tiers, small inputs."""
+    """Results in the order in which to look at them: leaf operations first, core tiers, plain and small inputs."""
     return sorted(results, key=lambda result: (difficulty(result.operation), result.simplicity))
 
 

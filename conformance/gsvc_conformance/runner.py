@@ -17,7 +17,7 @@ from gsvc_conformance.features import Features
 from gsvc_conformance.implementations import Answer, Failure, Implementation, Unsupported
 from gsvc_conformance.level import header_payload
 from gsvc_conformance.names import with_names
-from gsvc_conformance.operation import Operation, Values, input_size
+from gsvc_conformance.operation import Operation, Values, input_size, is_unusual
 from gsvc_conformance.profiles import stated_profile
 from gsvc_conformance.results import FAULTS, NOT_ASKED, REFUSED, Outcome, OutputResult, Result
 from gsvc_conformance.side_by_side import comparison
@@ -310,14 +310,14 @@ def judge_outputs(
         f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
     )
     result = _result(vector, "fail", message, judged, seconds)
-    return replace(result, table=comparison(vector, outputs), size=input_size(vector.inputs))
+    return replace(result, table=comparison(vector, outputs))
 
 
 def _judge(operation: Operation, name: str, expectation: Expectation, actual: object, in_full: bool) -> OutputResult:
     if in_full and isinstance(expectation, Refusal):
         expectation = replace(expectation, in_full=True)
     judgement = expectation.judge(actual)
-    message = with_names(operation, name, judgement.message, judgement.place, np.shape(expectation.value))
+    message = with_names(operation, name, judgement.message, np.shape(expectation.value))
     refused = _refused(expectation, actual)
     return OutputResult(
         name, expectation.check, judgement.passed, message, judgement.ratio, judgement.place, judgement.wrong,
@@ -377,9 +377,11 @@ def _is_nothing(value: object) -> bool:
 def _result(
     vector: Vector, outcome: Outcome, message: str, outputs: tuple[OutputResult, ...] = (), seconds: float = 0.0
 ) -> Result:
+    wrong = outcome in FAULTS
     return Result(
         vector.id, vector.title, vector.operation.group, outcome, message, outputs, seconds=seconds, level=vector.level,
-        profile=vector.profile,
+        profile=vector.profile, size=input_size(vector.inputs) if wrong else 0,
+        unusual=wrong and is_unusual(vector.inputs),
     )  # fmt: skip
 
 

@@ -128,7 +128,8 @@ def test_refusals_at_another_bit_are_another_mutant():
     assert all(mutant in sentences[0] for sentences in told.values())
     vector, outputs = next(failure for failure in failures if failure[0].id.endswith("rich_stream"))
     without_bit = {**outputs, "error": "malformed R-7-1"}
-    sentence = diagnose([(vector, without_bit)])[vector.id][0]
+    place, *_, sentence = diagnose([(vector, without_bit)])[vector.id]
+    assert place == "a legal stream refused by R-7-1"
     assert sentence.startswith(catalogue.ALIKE)
 
 

@@ -149,9 +149,9 @@ def test_elements_have_names(operation, output, place, shape, name):
 
 def test_sentences_have_names_in_place_of_indices():
     operation = operations()["render_gradients"]
-    said = with_names(operation, "gradients", "is 1 at [2, 3], expected 2", (2, 3), (9, 8))
+    said = with_names(operation, "gradients", "is 1 at [2, 3], expected 2", (9, 8))
     assert said == "is 1 at splat 2, l21, expected 2"
-    assert with_names(operation, "gradients", "the relative L2 error of columns 2..4 is", None, (9, 8)).endswith(
+    assert with_names(operation, "gradients", "the relative L2 error of columns 2..4 is", (9, 8)).endswith(
         "l11, l21, l22 is"
     )
 

@@ -42,6 +42,9 @@ if TYPE_CHECKING:
     from gsvc_conformance.report.pictures import View
 
 SHOWN: Final = 10
+MEASURED: Final = ("rendering", "gradients")
+USUAL: Final = 1 / 3
+"""The part of what is allowed that arithmetic in binary32 usually takes, in these classes; GPUs take half of it."""
 MAX_NEEDS: Final = 6
 """Maximum number of kinds of vectors outside of the features that a note names."""
 
@@ -270,6 +273,7 @@ def _notes(arguments: Namespace, found: _Found, stale: Iterable[str]) -> list[st
         *found.notes,
         *_difference_notes(found.results),
         *_beyond_notes(found.results),
+        *_unusual_notes(found.results),
         *([] if arguments.strict_waivers else stale),
         *([_order_note(arguments.order)] if arguments.order is not None else []),
     ]
@@ -358,6 +362,22 @@ def _beyond_notes(results: Iterable[Result]) -> Iterator[str]:
         more = ", ..." if len(found) > MAX_NEEDS else ""
         total = plural(found.total(), "vector")
         yield f"{total} outside of its features got right answers, which its features could claim: {needs}{more}"
+
+
+def _unusual_notes(results: Iterable[Result]) -> Iterator[str]:
+    """The operations that pass with errors larger than arithmetic in binary32 usually has: a note, no fault."""
+    passed: dict[str, list[tuple[float, str]]] = {}
+    for result in results:
+        if result.outcome == "pass" and result.group in MEASURED and result.tier in ("core", "uncommon"):
+            passed.setdefault(result.operation, []).append((result.ratio or 0.0, result.id))
+    for operation, ratios in passed.items():
+        beyond = [entry for entry in ratios if entry[0] > USUAL]
+        if beyond:
+            worst, name = max(beyond)
+            yield (
+                f"{operation}: {len(beyond)} of {plural(len(ratios), 'vector')} pass with more than a third of the "
+                f"error that is allowed, {name} with {worst:.2g} of it: allowed, and unusual"
+            )
 
 
 def _choose(folder: VectorFolder, chosen: Selection, patterns: tuple[str, ...]) -> tuple[list[str], dict[str, str]]:

@@ -13,24 +13,28 @@ from typing import Final
 import numpy as np
 
 from gsvc_conformance.diagnosis import catalogue
-from gsvc_conformance.diagnosis.attribution import MAYBE, OPEN, Attribution, attributed
-from gsvc_conformance.diagnosis.catalogue import mutants_for
+from gsvc_conformance.diagnosis.attribution import OPEN, Attribution, attributed
+from gsvc_conformance.diagnosis.catalogue import MAYBE, mutants_for
 from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.looks import Look, generic_looks
 from gsvc_conformance.diagnosis.places import common_condition, output_sentence
+from gsvc_conformance.diagnosis.prefixes import FIRST_WRONG, RIGHT_SO_FAR, prefix_sentences
 from gsvc_conformance.diagnosis.ratios import spread
-from gsvc_conformance.diagnosis.streams import kind_sentence, refusal_sentence
+from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, is_desync, kind_sentence, refusal_sentence
 from gsvc_conformance.diagnosis.verdicts import mutants_by_verdicts
 from gsvc_conformance.expectations import Bounded, Exact, Refusal
-from gsvc_conformance.operation import input_size
+from gsvc_conformance.operation import input_size, is_unusual
 from gsvc_conformance.vector import Vector
 
-__all__ = ["EXAMINED", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
+__all__ = ["EXAMINED", "MAYBE", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
 
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
 
-VAGUE: Final = ("errors in ", "errors only ", "only vectors ", "every vector ", catalogue.ALIKE, MAYBE)
+VAGUE: Final = (
+    "errors in ", "errors only ", "only vectors ", "every vector ", FIRST_WRONG, RIGHT_SO_FAR, REFUSED_LEGAL,
+    catalogue.ALIKE, MAYBE,
+)  # fmt: skip
 """Beginnings of sentences that say where errors are, not what they are."""
 
 PLACE: Final = re.compile(r" are (0|NaN|wrong|all [-+.e\d]+)( |$)|pixels left out (that lie )?beyond ")
@@ -68,11 +72,18 @@ FORMATS: Final = {8: "bfloat16", 11: "binary16"}
 
 
 def examined(failures: Sequence[Failure]) -> list[Failure]:
-    """The failures that are looked at, of all sizes, the simplest first."""
-    ordered = sorted(failures, key=lambda failure: input_size(failure.vector.inputs))
+    """The failures that are looked at, of all sizes, the smallest first; the simplest is one of them."""
+    ordered = sorted(failures, key=_size)
     if len(ordered) <= EXAMINED:
         return ordered
-    return [ordered[place * (len(ordered) - 1) // (EXAMINED - 1)] for place in range(EXAMINED)]
+    simplest = min(ordered, key=lambda failure: (is_unusual(failure.vector.inputs), _size(failure)))
+    others = [failure for failure in ordered if failure is not simplest]
+    spread = [others[place * (len(others) - 1) // (EXAMINED - 2)] for place in range(EXAMINED - 1)]
+    return sorted([simplest, *spread], key=_size)
+
+
+def _size(failure: Failure) -> int:
+    return input_size(failure.vector.inputs)
 
 
 def is_place(sentence: str) -> bool:
@@ -125,7 +136,8 @@ def _attribute(found: Attribution, looks: dict[str, Look], named: dict[str, list
     """Name what an attribution has found where nothing else is named, and where it gives all that was given."""
     for name in found.ids:
         if found.shares[name] == 1 or not (looks[name].strong or named.get(name)):
-            looks[name].strong, named[name] = [], [found.sentence]
+            weak = [] if found.sure else looks[name].weak[:1]
+            looks[name].strong, named[name] = [], [found.sentence, *weak]
 
 
 def _simplest(errors: Sequence[Vector]) -> str:
@@ -142,8 +154,11 @@ def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) ->
         compared = given if len(given) == len(wrong_outputs(failure.vector, failure.outputs)) else []
         found = _not_numbers(compared) or _last_bits(compared) or [*look.weak[:1]]
         found = found or _one_step(compared) or _imprecision(failure)
-    if not found or found == look.weak[:1]:
-        found += [sentence for sentence in (refusal_sentence(failure), _outputs(failure), common) if sentence]
+    alike = is_desync(failure) and all(sentence.startswith(catalogue.ALIKE) for sentence in found)
+    if not found or found == look.weak[:1] or alike:
+        prefix, refusal = prefix_sentences(failure), refusal_sentence(failure)
+        places = (refusal, *prefix[-1:], *found) if alike else (*prefix,) if prefix else (*found, refusal)
+        found = [sentence for sentence in (*places, "" if prefix else _outputs(failure), common) if sentence]
     return list(dict.fromkeys(found))[:MAX_SENTENCES]
 
 

@@ -1,8 +1,8 @@
 """Greedy attribution: the mutant that removes most of the error, then the one that removes most of what is left.
 
-Code of others has two or three departures at once, and sums in another order, so that no mutant gives its numbers exactly.
-The *share* of some mutants is the part of the squared error that is gone if the implementation is compared with them, not with
-the right output: the median over vectors. Where numbers are codes, the wrong ones are counted instead.
+Code of others has two or three departures at once, and sums in another order, so that no mutant gives its numbers
+exactly. The *share* of some mutants is the part of the squared error that is gone if the implementation is compared
+with them, not with the right output: the median over vectors. Where numbers are codes, the wrong ones are counted.
 """
 
 from collections.abc import Iterable, Sequence
@@ -11,14 +11,17 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_conformance.diagnosis.catalogue import answer_of, both, mutants_for
+from gsvc_conformance.diagnosis.catalogue import MAYBE, answer_of, both, mutants_for
 from gsvc_conformance.diagnosis.failures import F8, Failure, Part, count, parts, wrong_outputs
 from gsvc_conformance.expectations import Interval
 from gsvc_conformance.mutants import Mutant
 from gsvc_conformance.operation import Values, input_size
 
 SURE: Final = 0.9
-"""Minimum share of mutants that are named without a hedge."""
+"""Minimum share of several mutants that are named without a hedge: each removes most of what the others leave."""
+
+SURE_ALONE: Final = 0.99
+"""Minimum share of one mutant that is named without a hedge: beside it there is nothing but noise."""
 
 LIKELY: Final = 0.5
 """Minimum share of mutants that are named at all."""
@@ -50,11 +53,11 @@ MIN_WRONG: Final = 20
 FOUND: Final = 0.5
 """Share in one vector of mutants that are told of it."""
 
+MOST_COLUMNS: Final = 16
+"""Maximum length of a last axis of columns, or channels, each of which is right or wrong for itself."""
+
 MOST_LEFT: Final = 2.0
 """What is left counts for no more than this: also where a mutant crashes, or gives no number."""
-
-MAYBE: Final = "could be "
-"""Beginning of a sentence that is not certain."""
 
 
 @dataclass(frozen=True)
@@ -170,7 +173,7 @@ def _told(mutants: Sequence[Mutant], measured: Sequence[_Measured]) -> Attributi
     for number, mutant in enumerate(mutants[1:], 2):
         part = 1 - _left(together(mutants[:number]), measured)
         words.append(f"{mutant.sentence}{f' (together {_percent(part)})' if share < WHOLE else ''}")
-    sure = share >= SURE
+    sure = share >= (SURE if len(mutants) > 1 else SURE_ALONE)
     return Attribution(f"{'' if sure else MAYBE}{', and '.join(words)}", shares, sure, len(mutants) > 1)
 
 
@@ -186,12 +189,22 @@ def _left_of_part(part: Part, theirs: Values) -> float:
     other = other.astype(np.float64)
     if part.near(other).all():
         return 0.0
+    if _spoils(part, other):
+        return MOST_LEFT
     finite = np.isfinite(part.mine) & np.isfinite(part.right)
     with np.errstate(all="ignore"):
         before, after = (_error(part, (part.mine - array)[finite]) for array in (part.right, other))
     if not before > 0:
         return 1.0
     return min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
+
+
+def _spoils(part: Part, theirs: F8) -> bool:
+    """Whether a mutant is wrong in a column that was given rightly."""
+    if part.right.ndim < 2 or part.right.shape[-1] > MOST_COLUMNS:
+        return False
+    rows = tuple(range(part.right.ndim - 1))
+    return bool((part.differs(theirs).any(axis=rows) & ~part.wrong.any(axis=rows)).any())
 
 
 def _error(part: Part, difference: F8) -> float:

@@ -13,7 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, count, share, wrong_elements, wrong_outputs
+from gsvc_conformance.diagnosis.coded import is_cut, same_symbols
+from gsvc_conformance.diagnosis.failures import EXPLAINED, FEW, Failure, count, share, wrong_elements, wrong_outputs
+from gsvc_conformance.diagnosis.streams import is_desync
 from gsvc_conformance.expectations import NO_ARRAYS, Exact, Refusal
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, called
 from gsvc_conformance.operation import Values
@@ -24,9 +26,6 @@ MIN_FIT: Final = 0.5
 
 MIN_FIT_OF_FEW: Final = 0.9
 """Minimum fit of mutants that explain only failures that tell little."""
-
-FEW: Final = 4
-"""Number of wrong elements below which a failure tells little."""
 
 LARGE: Final = 2**20
 """An integer of this size, such as a checksum, agrees with nothing by chance."""
@@ -42,6 +41,9 @@ MISSING: Final = 2
 
 ALIKE: Final = "the same refusal as with mutants"
 """Beginning of the sentence about a refusal that says no more."""
+
+MAYBE: Final = "could be "
+"""Beginning of a sentence that is not certain: a single number, a part of the error."""
 
 CAPACITY: Final = "capacity"
 """The flag of vectors that are too large for mutants to be tried on them."""
@@ -64,20 +66,24 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
     )  # fmt: skip
     plain = {mutant for failure in failures if not _tells_little(failure) for mutant in found[failure.vector.id]}
     plain -= {mutant for mutant in plain if lost[mutant] == explained[mutant] < MISSING}
+    decided = Counter(mutant for failure in failures if not is_desync(failure) for mutant in found[failure.vector.id])
     likely = {
         mutant for mutant in fit
         if (fit[mutant] >= MIN_FIT if mutant in plain else
             min(fit[mutant], explained[mutant] / len(failures)) >= MIN_FIT_OF_FEW)
     }  # fmt: skip
     ranked = sorted(likely, key=lambda mutant: (-fit[mutant], -explained[mutant], mutant.name))
-    said = {}
+    said: dict[str, list[str]] = {}
     for failure in failures:
         these = [mutant for mutant in ranked if mutant in found[failure.vector.id]]
-        sure = [mutant for mutant in these if mutant in plain]
+        least = MISSING if is_desync(failure) else 0  # any mutant gives one that reads something before it wrongly
+        sure = [mutant for mutant in these if mutant in plain and decided[mutant] >= least]
         if sure:
             said[failure.vector.id] = _best(sure, fit)[:MOST]
-        else:
-            said[failure.vector.id] = [] if _missing_part(failure) else alike(_best(these, fit), failure)
+        elif not _missing_part(failure):
+            likely_ones = alike(_best(these, fit), failure)
+            few = sum(explained[mutant] for mutant in these[:1]) < FEW
+            said[failure.vector.id] = [f"{MAYBE}{sentence}" for sentence in likely_ones] if few else likely_ones
     return said
 
 
@@ -146,6 +152,8 @@ def alike(sentences: list[str], failure: Failure | None = None) -> list[str]:
 def _explanations(failure: Failure) -> list[Mutant]:
     """The mutants that explain one failure; where none refuses at the same bit, those that name the same rule."""
     vector, outputs, _ = failure
+    if is_cut(failure):
+        return [mutant for mutant in mutants_for(vector) if same_symbols(failure, mutant)]
     texts = {name: " ".join(value.split()[:2]) for name, value in outputs.items() if isinstance(value, str)}
     for given in (outputs, {**outputs, **texts}):
         found = [mutant for mutant in mutants_for(vector) if _share(vector, given, mutant) >= EXPLAINED]

@@ -21,6 +21,12 @@ EXPLAINED: Final = 0.9
 NEARNESS: Final = 0.25
 """An element is given by a mutant if it is this many times nearer to the mutant's answer than to the right one."""
 
+NEARNESS_OF_FEW: Final = 0.02
+"""The same where few elements are wrong, which agree with one of many mutants by chance."""
+
+FEW: Final = 4
+"""Number of wrong elements below which a failure tells little."""
+
 SLACK: Final = 4.0
 """Bounds from a number that was computed otherwise, within which it is taken for the same."""
 
@@ -190,5 +196,6 @@ def _given(expectation: Expectation, mine: Any, theirs: Any) -> float:
     if not isinstance(expectation, Decision) and not (isinstance(expectation, Exact) and mine.dtype.kind != "f"):
         with np.errstate(invalid="ignore", over="ignore"):
             a, b, c = (array.astype(np.float64) for array in (mine, theirs, expectation.value))
-            same |= abs(a - b) <= NEARNESS * np.minimum(abs(a - c), np.maximum(abs(a), abs(b)))
+            nearness = NEARNESS if np.count_nonzero(wrong) >= FEW else NEARNESS_OF_FEW
+            same |= abs(a - b) <= nearness * np.minimum(abs(a - c), np.maximum(abs(a), abs(b)))
     return float(np.mean(same[wrong]))

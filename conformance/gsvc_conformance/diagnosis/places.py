@@ -174,7 +174,8 @@ def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
 
     One condition if there is one, or two together where vectors are many.
     """
-    if len(failed) < FEWEST or len(passed) < FEWEST or len(failed) > NEARLY_ALL * (len(failed) + sum(map(_varied, passed))):
+    telling = len(failed) + sum(map(_varied, passed))
+    if min(len(failed), len(passed)) < FEWEST or len(failed) > NEARLY_ALL * telling:
         return ""
     bad, good = ([_features(vector) for vector in vectors] for vectors in (failed, passed))
     met = [(words, {place for place, features in enumerate(good) if meets(features)})

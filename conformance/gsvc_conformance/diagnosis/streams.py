@@ -8,6 +8,11 @@ from gsvc_conformance.diagnosis.failures import Failure
 from gsvc_conformance.expectations import Refusal
 from gsvc_conformance.vector import Vector
 
+REFUSED_LEGAL: Final = "a legal stream refused"
+
+DESYNCS: Final = ("R-7-1", "R-6.2-3", "R-6.6-5", "R-15.6-5")
+"""Rules that a decoder finds broken in a legal stream once it has read anything wrongly, whatever that was."""
+
 MIN_KINDS: Final = 2
 """Kinds of errors that must be reported as another one."""
 
@@ -23,7 +28,7 @@ def refusal_sentence(failure: Failure) -> str:
         words = given.split()
         rule = f" by {words[1]}" if len(words) > 1 else ""
         at = element_at(failure.vector.inputs["stream"], int(words[2])) if len(words) > 2 and words[2].isdigit() else ""
-        wrong = "a legal stream refused" if not expectation.value else "a refusal of another kind or too early"
+        wrong = REFUSED_LEGAL if not expectation.value else "a refusal of another kind or too early"
         return f"{wrong}{rule}{f' at {at}' if at else ''}"
     return ""
 
@@ -37,9 +42,24 @@ def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
     reported = {kind for _, kind in pairs}
     others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
               if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
-    if len(reported) != 1 or len({right for right, _ in pairs}) < MIN_KINDS or not others <= reported:
+    if (
+        any(map(is_desync, failures))
+        or len(reported) != 1
+        or len({right for right, _ in pairs}) < MIN_KINDS
+        or not others <= reported
+    ):
         return ""
     return f"every error reported as of the kind {reported.pop()}, whatever it is"
+
+
+def is_desync(failure: Failure) -> bool:
+    """Whether a legal stream was refused as any wrong decoding before makes it look."""
+    given = [
+        failure.outputs.get(name) for name, expectation in failure.vector.expected.items()
+        if isinstance(expectation, Refusal) and not expectation.value
+    ]  # fmt: skip
+    words = [text.split() for text in given if isinstance(text, str) and text]
+    return any(len(one) < 2 or one[1] in DESYNCS for one in words)
 
 
 @lru_cache(maxsize=256)

@@ -10,7 +10,7 @@ from typing import Final
 
 from gsvc_base.cli.text import plural, table
 from gsvc_conformance.causes import MEND, looks_like
-from gsvc_conformance.diagnosis import EXAMINED, VAGUE, is_place
+from gsvc_conformance.diagnosis import EXAMINED, MAYBE, VAGUE, is_place
 from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
 from gsvc_conformance.spec import complexity
 
@@ -29,6 +29,10 @@ MAX_REASON: Final = 120
 """Maximum length of the reason of a waiver."""
 RARE: Final = 0.3
 """Minimum fraction of the examined failures of its operations that look like a probable cause."""
+HALF: Final = 0.5
+"""The same of a cause that is told without a hedge."""
+SOME: Final = 3
+"""Minimum number of failures that look like a cause that is told, hedged, because there is no other."""
 WHERE: Final = "where: "
 SURE: Final = "run the whole operation to be sure"
 CONCLUSIONS: Final[Mapping[Conclusion, tuple[str, str]]] = {
@@ -169,7 +173,7 @@ def headed(causes: Iterable[str]) -> list[str]:
 
 
 def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> list[Cause]:
-    """The causes that many failures look like, the most frequent first; none that others cover.
+    """The causes that many failures look like, the most frequent first; none that others cover; if none, one of few.
 
     Parameters
     ----------
@@ -185,18 +189,27 @@ def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> 
             like.setdefault(cause, []).append(result)
     explained: set[str] = set()
     causes: list[Cause] = []
-    for sentence, results in sorted(like.items(), key=_by_weight):
+    ranked = sorted(like.items(), key=_by_weight)
+    for sentence, results in ranked:
         if not _rare(results, looked) and not explained.issuperset(result.id for result in results):
             explained.update(result.id for result in results)
-            counts = Counter(result.operation for result in results)
-            few = sum(looked[operation] for operation in counts) <= FEW
-            places = tuple(
-                f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items()
-            )
-            if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
-                places = (*places[:-1], f"{places[-1]}; {SURE}")
-            causes.append(Cause(sentence, tuple(results), places, only_where=few and is_place(sentence)))
-    return causes
+            causes.append(_cause(sentence, results, report, looked))
+    if causes:
+        return causes
+    told = [entry for entry in ranked if len(entry[1]) >= SOME and not is_place(entry[0])]
+    return [_cause(sentence, results, report, looked) for sentence, results in told[:1]]
+
+
+def _cause(sentence: str, results: Sequence[Result], report: Report, looked: Mapping[str, int]) -> Cause:
+    counts = Counter(result.operation for result in results)
+    examined = sum(looked[operation] for operation in counts)
+    few = examined <= FEW
+    if len(results) < HALF * examined and not is_place(sentence) and not sentence.endswith(MEND):
+        sentence = f"{MAYBE}{sentence}"
+    places = tuple(f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items())
+    if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
+        places = (*places[:-1], f"{places[-1]}; {SURE}")
+    return Cause(sentence, tuple(results), places, only_where=few and is_place(sentence))
 
 
 def examined_of(results: Iterable[Result]) -> Counter[str]:

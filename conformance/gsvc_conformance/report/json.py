@@ -128,7 +128,8 @@ def result_object(result: Result) -> dict[str, Any]:
         **({"level": result.level} if result.level > 1 else {}),
         **({"profile": result.profile} if result.profile != ANY else {}),
         **_filled(outside=result.outside, message=result.message, outputs=outputs, causes=list(result.causes),
-                  log=result.log, table=_table_object(result.table), size=result.size),
+                  log=result.log, table=_table_object(result.table), size=result.size,
+                  unusual=result.unusual),
         "seconds": round(result.seconds, 3),
     }  # fmt: skip
 
@@ -214,7 +215,7 @@ RESULT: Final[Schema] = {
     "id": (TEXT, NEEDED), "title": (TEXT, NEEDED), "class": (TEXT, NEEDED), "outcome": (TEXT, NEEDED),
     "message": (TEXT, ""), "outputs": (LIST, []), "causes": (TEXTS, []), "log": (TEXT, ""),
     "seconds": (NUMBER, NEEDED), "table": (OBJECT_OR_NOT, None), "size": (COUNT, 0), "level": (COUNT, 1),
-    "outside": (TEXT, ""), "profile": (TEXT, ANY),
+    "unusual": (FLAG, False), "outside": (TEXT, ""), "profile": (TEXT, ANY),
 }  # fmt: skip
 OUTPUT: Final[Schema] = {
     "name": (TEXT, NEEDED), "check": (TEXT, NEEDED), "passed": (FLAG, NEEDED), "message": (TEXT, ""),

@@ -169,7 +169,7 @@ class PictureBook:
 
     def __init__(self) -> None:
         self.faults: list[str] = []
-        self._simplest: dict[str, list[tuple[tuple[int, int, str], View]]] = {}
+        self._simplest: dict[str, list[tuple[tuple[int, bool, int, str], View]]] = {}
         self._worst: dict[str, tuple[float, str, View]] = {}
 
     def add(self, vector: Vector, outputs: Values, result: Result) -> None:
@@ -197,4 +197,4 @@ class PictureBook:
     def pictures(self) -> dict[str, View]:
         """The views, by the id of the vector."""
         found = {name: view for _, name, view in self._worst.values()}
-        return found | {rank[2]: view for entries in self._simplest.values() for rank, view in entries}
+        return found | {rank[-1]: view for entries in self._simplest.values() for rank, view in entries}
