@@ -8,6 +8,7 @@ import numpy as np
 from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Fault, Inputs, add
+from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.main_layers import BASE, LEVEL_2, SIZE, Edit, LayerPlan, covering, with_layers
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
@@ -57,6 +58,7 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
+    long: bool = False  # whether the stream is too long for mutants
 
 
 LAYER_I: Final = Plan("I", 2)
@@ -287,6 +289,7 @@ FAULTY_LAYERS: Final = {
         header=(("paced_flag", True),),
         quality=0,
         in_base=True,
+        long=True,
     ),
     "point_of_a_payload": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I, lambda p: p.ljust(2**20 + 1, b"\0")),),
@@ -295,6 +298,7 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 2^20",
         header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
         quality=1,
+        long=True,
     ),
     "point_of_a_second": FaultyLayer(
         (),
@@ -395,6 +399,7 @@ for key, entry in FAULTY_LAYERS.items():
         title=f"{entry.rule} is broken: {entry.lie}.",
         reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
         rules=[entry.rule],
+        flags=[CAPACITY] if entry.long else [],
         fault=Fault(entry.lie, entry.truth),
         function=faulty_layer,
         arguments={"value": entry},
