@@ -44,6 +44,12 @@ class Check:
     def __str__(self) -> str:
         return f"{self.function}-{self.line}"
 
+    @property
+    def section(self) -> str:
+        """The section of spec.md that it is in."""
+        lines = SPEC.read_text(encoding="utf-8").splitlines()[: self.line]
+        return next(found[1] for line in reversed(lines) if (found := re.match(r"#{2,3} (\d[\d.]*) ", line)))
+
 
 class _OfMain(ast.NodeTransformer):
     """Leaves out what profile `main` does not do, and lets `refuse` and `checks` decide, which know the line."""

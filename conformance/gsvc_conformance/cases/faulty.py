@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Final
 
 from gsvc_conformance.case import Fault, Inputs, add
-from gsvc_conformance.cases import pace
+from gsvc_conformance.cases import CAPACITY, pace
 from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.faults import MAIN, Broken
 from gsvc_conformance.cases.faulty_blocks import block_faults
@@ -29,6 +29,9 @@ FLAGS: Final = {"R-5-1": "limit", "R-5-2": "limit", "R-5-3": "limit", "R-5-4": "
 NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_1_main_splat_number_six_bytes", "r_3_1_3_17_zeros",
                   "r_6_2_3_before_codewords", "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
 """Faults that are found before the value of an element or of a run is looked at (R-3.1-6)."""
+
+LONG: Final = ("r_5_7_main_splats", "r_5_7_main_bytes")
+"""Faults of streams that are too long for mutants, which streams of profile `paper` find as well."""
 
 
 def faulty(value: Broken) -> Inputs:
@@ -69,7 +72,11 @@ for entry in faults():
         title=f"{entry.rule} is broken{' in profile `main`' * entry.twin}: {entry.lie}.",
         reason="" if entry.complete == 0 else f"Frames before the fault: {entry.complete}.",
         rules=[entry.rule, *entry.also, *(["R-3.1-6"] if entry.slug in NO_ROOM else [])],
-        flags=(["check-order"] if entry.also else []) + ([FLAGS[entry.rule]] if entry.rule in FLAGS else []),
+        flags=[
+            *(["check-order"] if entry.also else []),
+            *([FLAGS[entry.rule]] if entry.rule in FLAGS else []),
+            *([CAPACITY] if entry.slug in LONG else []),
+        ],
         fault=Fault(entry.lie, entry.truth),
         function=faulty,
         arguments={"value": entry},

@@ -1,5 +1,6 @@
 """Faulty streams of profile `main` with layers (spec.md section 15.13)."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -58,7 +59,7 @@ class FaultyLayer:
     masks: tuple[tuple[int, int], ...] = ()
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
-    flags: tuple[str, ...] = ()
+    long: bool = False  # whether the stream is too long for mutants
 
 
 LAYER_I: Final = Plan("I", 2)
@@ -304,6 +305,7 @@ FAULTY_LAYERS: Final = {
         header=(("paced_flag", True),),
         quality=0,
         in_base=True,
+        long=True,
     ),
     "point_of_a_payload": FaultyLayer(
         (LayerPlan(0, 1, LAYER_I, lambda p: p.ljust(2**20 + 1, b"\0")),),
@@ -312,6 +314,7 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 2^20",
         header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
         quality=1,
+        long=True,
     ),
     "point_of_a_second": FaultyLayer(
         (),
@@ -362,7 +365,7 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 2^20",
         header=(("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))),
         quality=1,
-        flags=(CAPACITY,),
+        long=True,
     ),
     "lane_state": FaultyLayer(
         (LayerPlan(0, 1, Plan("I", 1, kind="likely"), _low_state),),
@@ -404,28 +407,51 @@ FAULTY_LAYERS: Final = {
 
 def faulty_layer(value: FaultyLayer) -> Inputs:
     """A decoder of layers reports the kind of the fault, and yields the frames before it."""
-    stream = with_layers(
-        Draws(31), value.plans, value.layers, masks=dict(value.masks), lost=value.lost, **dict(value.header)
-    )
+    stream = _stream_of(value)
     expected = yield {"stream": stream, "layer": value.quality}
-    assert result(expected, "error").split()[1] == value.rule
-    assert len(result(expected, "counts")) == value.complete
+    _check(value, expected)
     assert (spec.reconstruct_stream(stream)["error"] == "") != value.in_base
 
 
-for key, entry in FAULTY_LAYERS.items():
-    add(
-        "faulty",
-        "reconstruct_layers",
-        f"layer_{key}",
-        title=f"{entry.rule} is broken: {entry.lie}.",
-        reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
-        rules=[entry.rule],
-        flags=entry.flags,
-        fault=Fault(entry.lie, entry.truth),
-        function=faulty_layer,
-        arguments={"value": entry},
+def faulty_base(value: FaultyLayer) -> Inputs:
+    """So does a decoder of the base, where it finds the fault, too."""
+    expected = yield {"stream": _stream_of(value)}
+    _check(value, expected)
+
+
+def _stream_of(value: FaultyLayer) -> bytes:
+    return with_layers(
+        Draws(31), value.plans, value.layers, masks=dict(value.masks), lost=value.lost, **dict(value.header)
     )
+
+
+def _check(value: FaultyLayer, expected: Mapping[str, Any]) -> None:
+    assert result(expected, "error").split()[1] == value.rule
+    assert len(result(expected, "counts")) == value.complete
+
+
+OF_BASE: Final = {
+    f"main_layer_{key}": entry for key, entry in FAULTY_LAYERS.items() if entry.in_base and not entry.long
+}
+"""Those that a decoder without layers has to find."""
+
+for name, function, entries in (
+    ("reconstruct_layers", faulty_layer, {f"layer_{key}": entry for key, entry in FAULTY_LAYERS.items()}),
+    ("reconstruct_stream", faulty_base, OF_BASE),
+):
+    for key, entry in entries.items():
+        add(
+            "faulty",
+            name,
+            key,
+            title=f"{entry.rule} is broken: {entry.lie}.",
+            reason="" if entry.in_base else "A decoder that shows the base alone finds no fault.",
+            rules=[entry.rule],
+            flags=[CAPACITY] if entry.long else [],
+            fault=Fault(entry.lie, entry.truth),
+            function=function,
+            arguments={"value": entry},
+        )
 
 
 POINTS: Final[dict[str, tuple[str, Lie, str, str]]] = {

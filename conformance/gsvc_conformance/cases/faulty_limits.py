@@ -123,7 +123,10 @@ def main_limits() -> Iterator[Broken]:
             yield Broken("R-5-11", "limit", f"max_lane_exponent_{lanes + 1}", f"max_lane_exponent is {lanes + 1}",
                          allowed(lanes), partial(MAIN.overview, Lie("max_lane_exponent", lanes + 1),
                                                  level=level))  # fmt: skip
-        size = {"width": limits.pixels // 256, "height": 256} if level == 1 else {"width": side, "height": side}
+        size: dict[str, Any] = {
+            "width": limits.pixels // 256 if level == 1 else side,
+            "height": 256 if level == 1 else side,
+        }
         yield Broken("R-5-4", "limit", f"work_of_level_{level}",
                      f"257 splats cover {size['width']}x{size['height']} pixels each", allowed(limits.work),
                      partial(_covered, replace(SMALL_HEADER, level=level, **size)))  # fmt: skip

@@ -8,8 +8,7 @@ import numpy as np
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
-from gsvc_conformance.cases.building import Array, on, operated, result
-from gsvc_conformance.cases.container import UUID
+from gsvc_conformance.cases.building import Array, on, result
 from gsvc_conformance.cases.long_streams import BEYOND_16_BITS
 from gsvc_conformance.cases.main_layers import LayerPlan, covering, with_layers
 from gsvc_conformance.cases.main_streams import (
@@ -22,14 +21,14 @@ from gsvc_conformance.cases.main_streams import (
     frame_of,
     main_stream,
 )
-from gsvc_conformance.cases.pace import BYTES, LARGEST, LEVEL, padded
+from gsvc_conformance.cases.pace import LEVEL
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
-from gsvc_ref.bitstream.header import LANE_EXPONENTS, PER_SECOND
+from gsvc_ref.bitstream.header import LANE_EXPONENTS
 from gsvc_ref.main.cells import cell_counts, cell_order
 from gsvc_ref.main.codes import IntraCodes, MainCodes
 from gsvc_ref.main.densities import Density
 from gsvc_ref.main.kept_state import MainState
-from gsvc_ref.testing import Lie, write_stream
+from gsvc_ref.testing import write_stream
 
 NARROW: Final = (Density(1, 0, 64), Density(1, 0, 8), Density(0, 0, -120), Density(0, 0, 144), Density(0, 0, 0),
                  Density(0, 0, 0))  # fmt: skip
@@ -240,74 +239,3 @@ def layers_of_300_frames() -> Inputs:
     assert result(expected, "error") == ""
     assert result(expected, "counts").shape == (300,)
     assert result(expected, "counts").min() > 2
-
-
-# --- Paced streams ---------------------------------------------------------------------------------------------------
-
-
-def paced(frames: list[MainCodes], **header: Any) -> bytes:
-    """A stream that says that it is paced, whether it is or not, without an index."""
-    return write_stream(replace(MAIN_HEADER, **header), frames, index=False, lies=[Lie("flags", 2)])
-
-
-def group(first: MainCodes, count: int) -> list[MainCodes]:
-    """A group of `count` equal frames."""
-    return [first, *[REPEATED] * (count - 1)]
-
-
-EMPTY: Final = MainCodes(type="I", quantizer=24)
-
-
-@on("core", *READ, rules=["R-5-8"], flags=["limit"], each={"one": (1, 1), "a_third": (1, 3), "five_fourths": (5, 4)},
-    said={"one": "One frame", "a_third": "A third of a frame", "five_fourths": "Five fourths of a frame"})  # fmt: skip
-def main_i_frames_as_far_apart_as_allowed(value: tuple[int, int]) -> Inputs:
-    """{key} a second, and the next I-frame comes four seconds after the first: the most that a paced stream allows."""
-    rate = {"frame_rate_numerator": value[0], "frame_rate_denominator": value[1]}
-    most = 4 * -(-value[0] // value[1])
-    expected = yield {"stream": paced([*group(EMPTY, most), *group(EMPTY, most), EMPTY], **rate)}
-    assert len(result(expected, "counts")) == 2 * most + 1
-
-
-@on("core", *READ, flags=["limit"], rules=["R-5-7"])
-def main_as_many_pixels_of_a_second_as_allowed() -> Inputs:
-    """64 of the largest frames in each of three seconds."""
-    expected = yield {"stream": paced(group(EMPTY, 192), **LARGEST, frame_rate_numerator=64)}
-    assert len(result(expected, "counts")) == 192
-
-
-@case("core", "reconstruct_stream", flags=["limit", "many", CAPACITY], rules=["R-5-7"])
-def main_as_many_splats_of_a_second_as_allowed() -> Inputs:
-    """64 frames of as many splats as a frame may have in a second, and then two more."""
-    most, size = LEVEL.splats, {"width": 5, "height": 3}
-    frames = group(many(replace(MAIN_HEADER, **size), most), 66)
-    expected = yield {"stream": paced(frames, **size, frame_rate_numerator=64)}
-    assert result(expected, "counts")[:64].sum() == PER_SECOND.splats * LEVEL.splats
-
-
-@on("core", *READ, flags=["limit", "overflow"], rules=["R-5-7"])
-def main_as_much_work_of_a_second_as_allowed() -> Inputs:
-    """8 frames of the most work at the end of a second, and 8 at the start of the next; an R-frame has work, too."""
-    frames = [*group(EMPTY, 2), *group(covering(512), 16), *group(EMPTY, 2)]
-    expected = yield {"stream": paced(frames, width=256, height=256, frame_rate_numerator=10)}
-    assert len(result(expected, "counts")) == 20
-
-
-@case("core", "reconstruct_stream", flags=["limit", CAPACITY], rules=["R-5-7"])
-def main_as_many_bytes_of_a_second_as_allowed() -> Inputs:
-    """The second second has 2^20 bytes with the ancillary chunk before it; one after the last frame is not counted."""
-    data = padded(paced([*group(EMPTY, 2), *group(EMPTY, 2)], frame_rate_numerator=2), 2, (2, 3), BYTES)
-    expected = yield {"stream": operated(lambda c: [*c[:-1], (b"q", UUID), c[-1]], data)}
-    assert len(result(expected, "counts")) == 4
-
-
-@case("core", "reconstruct_layers", flags=["limit", "overflow"], rules=["R-5-7", "R-15.13-3"], each={"1": 1, "2": 2})
-def layers_as_much_work_of_a_second_as_allowed(value: int) -> Inputs:
-    """Two layers make up the work of a second in quality 2, and one of them in quality 1; the quality is {key}."""
-    layers = [LayerPlan(0, 1, covering(300)), LayerPlan(0, 2, covering(100))]
-    size: dict[str, Any] = {"width": 256, "height": 256, "frame_rate_numerator": 8}
-    frames: list[Plan | MainCodes] = [covering(112), *[Plan("R")] * 7]
-    stream = with_layers(Draws(0), frames, layers, paced_flag=True, **size)
-    expected = yield {"stream": stream, "layer": value}
-    assert result(expected, "error") == ""
-    work = int(result(expected, "counts").sum()) << 16
-    assert (work == LEVEL.work * PER_SECOND.work) == (value == 2)

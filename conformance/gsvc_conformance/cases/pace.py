@@ -26,10 +26,10 @@ LEVEL: Final = LEVELS[1]
 BYTES: Final = PER_SECOND.payload * LEVEL.payload
 """Bytes of a second at level 1."""
 
-LARGEST: Final = {"width": 512, "height": 256}
+LARGEST: Final[dict[str, Any]] = {"width": 512, "height": 256}
 """As many pixels as level 1 allows."""
 
-SIXTY_FIVE: Final = {"frame_rate_numerator": 129, "frame_rate_denominator": 2}
+SIXTY_FIVE: Final[dict[str, Any]] = {"frame_rate_numerator": 129, "frame_rate_denominator": 2}
 """64.5 frames per second, so that a second has 65."""
 
 
@@ -122,7 +122,10 @@ def _size(payload: bytes) -> int:
     return 1 + len(encode_uv(len(payload))) + len(payload) + CRC_SIZE
 
 
-RATES: Final = {"one": {"frame_rate_numerator": 1}, "a_third": {"frame_rate_numerator": 1, "frame_rate_denominator": 3}}
+RATES: Final[dict[str, dict[str, Any]]] = {
+    "one": {"frame_rate_numerator": 1},
+    "a_third": {"frame_rate_numerator": 1, "frame_rate_denominator": 3},
+}
 """One frame a second and less."""
 RATES_IN_WORDS: Final = {"one": "One frame", "a_third": "A third of a frame"}
 
@@ -131,7 +134,7 @@ RATES_IN_WORDS: Final = {"one": "One frame", "a_third": "A third of a frame"}
     flags=["limit"], said=RATES_IN_WORDS)  # fmt: skip
 @on("core", *READ, rules=["R-5-8"], each={f"main_{key}": (MAIN, rate) for key, rate in RATES.items()},
     flags=["limit"], said={f"main_{key}": words for key, words in RATES_IN_WORDS.items()})  # fmt: skip
-def i_frames_as_far_apart_as_allowed(value: tuple[Frames, dict[str, int]]) -> Inputs:
+def i_frames_as_far_apart_as_allowed(value: tuple[Frames, dict[str, Any]]) -> Inputs:
     """{key} a second, and every fourth frame, or an earlier one, is an I-frame: the most that a paced stream allows."""
     of, rate = value
     data = of.paced([*group(of.empty, 4), *group(of.empty, 2), *group(of.empty, 4), of.empty], **rate)
@@ -158,7 +161,7 @@ def as_many_pixels_of_a_second_as_allowed(value: Frames) -> Inputs:
 
 
 @case("core", "read_stream", flags=["limit", "many"], rules=["R-5-7"], each={"": PAPER})
-@case("core", "reconstruct_stream", flags=["limit", "many"], rules=["R-5-7"], each={"main": MAIN})
+@case("core", "reconstruct_stream", flags=["limit", "many", CAPACITY], rules=["R-5-7"], each={"main": MAIN})
 def as_many_splats_of_a_second_as_allowed(value: Frames) -> Inputs:
     """64 frames of as many splats as a frame may have in a second, and then four fewer."""
     most = value.equal(LEVEL.splats)
@@ -194,7 +197,7 @@ def paced_with_checksums(value: Frames) -> Inputs:
 def second_of_layers_of_as_much_work_as_allowed() -> Inputs:
     """9 frames, 8 of them in a second, have as much work as a frame may have, most of it in two layers."""
     layers = LayerPlan(0, 1, covering(300)), LayerPlan(0, 2, covering(112))
-    frames = [covering(100), *[Plan("R")] * 8]
+    frames: list[Plan | MainCodes] = [covering(100), *[Plan("R")] * 8]
     stream = with_layers(Draws(0), frames, layers, **SIZE, paced_flag=True, frame_rate_numerator=8)
     expected = yield {"stream": stream, "layer": 2}
     assert result(expected, "counts").tolist() == [LEVEL.work // (SIZE["width"] * SIZE["height"])] * 9
@@ -204,8 +207,8 @@ def pace_faults(of: Frames) -> Iterator[Broken]:
     """Paced streams of a profile that break a limit of a second, or the distance of I-frames."""
     yield from _sums(of)
     four, late = group(of.empty, 4), type(of.empty).repeated_frame()
-    rate: dict[str, int] = {"frame_rate_numerator": 1}
-    faults: dict[str, tuple[list[AnyCodes], dict[str, int]]] = {
+    rate: dict[str, Any] = {"frame_rate_numerator": 1}
+    faults: dict[str, tuple[list[AnyCodes], dict[str, Any]]] = {
         "fifth_frame": ([*four, late], rate),
         "fifth_frame_of_a_third": ([*four, late], {**rate, "frame_rate_denominator": 3}),
         "behind_the_second_i_frame": ([*group(of.empty, 2), *four, late], rate),
