@@ -278,7 +278,8 @@ def main_as_many_pixels_of_a_second_as_allowed() -> Inputs:
 @case("core", "reconstruct_stream", flags=["limit", "many", CAPACITY], rules=["R-5-7"])
 def main_as_many_splats_of_a_second_as_allowed() -> Inputs:
     """64 frames of as many splats as a frame may have in a second, and then two more."""
-    most, size = LEVEL.splats, {"width": 5, "height": 3}
+    most = LEVEL.splats
+    size: dict[str, Any] = {"width": 5, "height": 3}
     frames = group(many(replace(MAIN_HEADER, **size), most), 66)
     expected = yield {"stream": paced(frames, **size, frame_rate_numerator=64)}
     assert result(expected, "counts")[:64].sum() == PER_SECOND.splats * LEVEL.splats
