@@ -24,7 +24,7 @@ EXACT = (
     "parameter_checksum", "rendering_work", "render_sum_deterministic", "to_frame", "to_frame_deterministic",
     "decode_stream_deterministic", "scale_parameters",
 )  # fmt: skip
-DRAWN = ("render_sum", "render_frame", "decode_stream")
+DRAWN = ("render_sum", "render_frame", "decode_stream", "decode_layers")
 
 
 @pytest.fixture(scope="module")

@@ -34,6 +34,7 @@ OPERATIONS = (
     "render_gradients",
     "read_main_stream",
     "reconstruct_layers",
+    "decode_layers",
     "encode_run",
     "density_frequencies",
     "half_frequencies",

@@ -10,7 +10,7 @@ Its test compiles it with FAST: such a compiler may fuse, reorder and flush oper
 the parameters are right to the bit all the same, since no operation that makes one is rounded (spec.md, R-15.4-2).
 
 It is a decoder of bits and splats: `reconstruct_stream`, `reconstruct_layers`, `main_work` and all operations of
-spec.md's section 15; no rendering, and profile `paper` is refused at `profile` (R-5-6).
+spec.md's section 15 but `decode_layers`; no rendering, and profile `paper` is refused at `profile` (R-5-6).
 """
 
 import hashlib
