@@ -47,6 +47,9 @@ OPERATIONS = (
     "state_parameters",
     "main_work",
     "window_frequencies",
+    "codes_of_classes",
+    "cells_of_halves",
+    "field_vectors",
 )
 
 
