@@ -6,7 +6,9 @@ branch. A side of `minimum` is reached where one value is less than the other, n
 
 import ast
 import builtins
-from collections.abc import Callable, Iterable
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -54,16 +56,23 @@ class Point:
     text: str
     side: str = ""
 
+    @property
+    def rule(self) -> str:
+        """The rule that must be broken to get there, or ""."""
+        raised = re.search(r"raise Fault\('(R-[^']*)'", self.text)
+        return raised[1] if raised and self.side in ("", "true") and self.text.startswith(("if", "raise")) else ""
+
 
 def reach(
-    names: Iterable[str], read: Callable[[str], Vector], excused: Callable[[Point], bool]
+    vectors: Mapping[str, str], read: Callable[[str], Vector], excused: Callable[[Point], bool]
 ) -> list[tuple[Point, str]]:
     """All points of the code, each with the first vector that reaches it: "" without one, "the module" where none need.
 
     Parameters
     ----------
-    names
-        The ids of vectors, the cheapest first: of those whose operation leads to nothing new none is read.
+    vectors
+        The rule that each vector breaks, or "", by its id; the cheapest first. None is read that promises nothing new:
+        its operation has to lead to a point that is missing, and it has to break the rule of a point that has one.
     read
         Reads a vector.
     excused
@@ -72,16 +81,18 @@ def reach(
     code = Instrumented()
     first = ["the module" if there else "" for there in code.reached]
     missing = {at for at, name in enumerate(first) if not name}
-    for name in names:
+    hopes = {at: (code.points[at].home, code.points[at].rule) for at in missing if not excused(code.points[at])}
+    left = Counter(hopes.values())
+    for name, broken in vectors.items():
         operation = name.split("/")[1]
         homes = leads_to(operation)
-        if any(code.points[at].home in homes and not excused(code.points[at]) for at in missing):
+        if any(home in homes and rule in ("", broken) for home, rule in left):
             with np.errstate(all="ignore"):
                 code.names[operation](**read(name).inputs)
-            found = {at for at in missing if code.reached[at]}
-            missing -= found
-            for at in found:
+            for at in [at for at in missing if code.reached[at]]:
+                missing.remove(at)
                 first[at] = name
+                left -= Counter([hopes[at]] if at in hopes else [])
     return list(zip(code.points, first, strict=True))
 
 
@@ -157,7 +168,7 @@ class _Notes(ast.NodeTransformer):
         """The number of the first of new points, one for each side."""
         first, _, rest = ast.unparse(node).partition("\n")
         second = rest.partition("\n")[0].strip()
-        text = f"{first} {second}" if second.startswith("raise ") else first
+        text = f"{first} {second}" if second.startswith("raise Fault") else first
         self.points += [Point(kind, self.home, node.lineno, text, side) for side in sides]
         return len(self.points) - len(sides)
 

@@ -48,6 +48,9 @@ OPERATIONS = (
     "state_parameters",
     "main_work",
     "window_frequencies",
+    "codes_of_classes",
+    "cells_of_halves",
+    "field_vectors",
 )
 
 

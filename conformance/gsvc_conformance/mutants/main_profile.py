@@ -257,8 +257,6 @@ ENTROPY: tuple[Mutant, ...] = (
 INTRA: tuple[Mutant, ...] = (
     mutant(AREA, "magnitudes-exchanged", "the two classes of an octave exchanged",
         ("(2 + q % 2 << low_bits(q)) + low)", "(3 - q % 2 << low_bits(q)) + low)")),
-    mutant(AREA, "magnitudes-of-three", "two classes per octave from 2 on, with no low bit below 4",
-        ("    return np.where(q < 4, q, (2 + q % 2 <<", "    return np.where(q < 3, q, (2 + q % 2 <<")),
     mutant(AREA, "signs-exchanged", "signs of which 0 is negative",
         ("    return np.where(negative == 1, -magnitudes, magnitudes)\n", "    return np.where(negative == 1, magnitudes, -magnitudes)\n")),
     mutant(AREA, "aspect-negated", "the code of the aspect with the other sign",
