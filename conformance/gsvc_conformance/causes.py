@@ -17,6 +17,9 @@ from gsvc_conformance.spec import complexity, leads_to
 from gsvc_conformance.vector import Vector
 
 NOTHING: Final = np.zeros(0)
+READING: Final = {"paper": "read_stream", "main": "read_main_stream"}
+"""The operations that list what a stream says, by profile, and so tell more of a fault than the splats that it has."""
+WHOLE_STREAMS: Final = ("reconstruct_stream", "reconstruct_layers", "decode_stream", "decode_stream_deterministic")
 MEND: Final = ": mend that first"
 """The end of sentences about wrong operations inside another one."""
 
@@ -134,13 +137,23 @@ class Causes:
         failures = self._failures[operation]
         causes = diagnose(failures, self._passed[operation], self._errors[operation])
         seen = [failure.vector for failure in examined(failures)]
-        if first := mend_first(operation, wrong):
-            causes |= {vector.id: [first] for vector in seen if all(map(is_place, causes.get(vector.id, ())))}
+        for vector in seen:
+            first = mend_first(operation, wrong) or read_first(vector, wrong)
+            if first and all(map(is_place, causes.get(vector.id, ()))):
+                causes[vector.id] = [first]
         unexplained = [vector for vector in seen if not causes.get(vector.id)]
         tried = {mutant.name for vector in unexplained for mutant in mutants_for(vector)}
         self.searches.append(Search(operation, len(failures), len(seen), len(unexplained), len(tried)))
         self.examined |= {vector.id for vector in seen}
         return causes
+
+
+def read_first(vector: Vector, wrong: Iterable[str]) -> str:
+    """A sentence about the operation that lists what a stream says, if it is wrong where a whole stream is."""
+    reading = READING.get(vector.profile, "")
+    if vector.operation.name not in WHOLE_STREAMS or reading not in wrong:
+        return ""
+    return f"{reading} is wrong{MEND}"
 
 
 def mend_first(operation: str, wrong: Iterable[str]) -> str:

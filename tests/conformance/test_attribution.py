@@ -50,7 +50,7 @@ def test_several_mutants_are_named_together(names):
 
 def test_noise_hides_no_mutant_and_its_share_is_told():
     """No element is given to the bit."""
-    found = attributed(failures_of(drawn_by("pixel-centre-at-integer", noise=0.02)))
+    found = attributed(failures_of(drawn_by("pixel-centre-at-integer", noise=0.01)))
     assert found.sentence.startswith("pixel centres at integer positions (99")
     assert found.sentence.endswith(" % of the squared error)")
 

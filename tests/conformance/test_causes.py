@@ -5,10 +5,13 @@ import pytest
 
 from gsvc_conformance import diagnosis
 from gsvc_conformance.causes import Causes, Search, added, mend_first
+from gsvc_conformance.commands.judging import _unusual_notes
 from gsvc_conformance.diagnosis import is_place
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.mutants import MUTANTS
+from gsvc_conformance.report.console import cause_lines
 from gsvc_conformance.report.element_tables import _relation
+from gsvc_conformance.results import OutputResult, Report, Result, simplest_first
 from gsvc_conformance.runner import judge_vector
 from gsvc_conformance.side_by_side import _cell
 from gsvc_conformance.spec import namespace
@@ -84,6 +87,67 @@ def test_what_is_said_of_a_search():
         "loss: no mutant gives exactly what 2 of 15 failures gave (9 tried)",
         "causes were looked for in 15 of 17 failures of loss, of all sizes",
     ]
+
+
+def results_like(*causes):
+    """Failures of one operation, each like one of some causes."""
+    return [
+        Result(f"core/render_sum/v{number}", "", "rendering", "fail", causes=(cause,) if cause else ())
+        for number, cause in enumerate(causes)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("causes", "said"),
+    [
+        (["a gamma"] * 6 + [""] * 6, "a gamma (render_sum: 6 of 12 examined)"),
+        (["a gamma"] * 4 + [""] * 8, "could be a gamma (render_sum: 4 of 12 examined)"),
+        (["a gamma"] * 3 + [""] * 9, "could be a gamma (render_sum: 3 of 12 examined)"),
+        (["errors in red alone"] * 4 + [""] * 8, "errors in red alone (render_sum: 4 of 12 examined)"),
+    ],
+)
+def test_a_cause_of_few_failures_is_hedged(causes, said):
+    assert cause_lines(Report({}, "", "", [], results_like(*causes))) == [said]
+
+
+def test_a_cause_of_two_failures_of_many_is_not_told():
+    assert cause_lines(Report({}, "", "", [], results_like(*["a gamma"] * 2, *[""] * 10))) == []
+
+
+def test_a_plain_failure_comes_before_an_error_of_degenerate_splats():
+    degenerate = "core/render_sum/degenerate_l11_zero"
+
+    def render_sum(parameters, width, height):
+        if (parameters[:, 2] == 0).any():
+            raise ZeroDivisionError
+        return {"sum": namespace()["render_sum"](parameters, width, height)["sum"] + np.float32(1)}
+
+    vectors = VectorFolder(VECTORS).read([degenerate, SUM])
+    results = [
+        judge_vector(ModuleImplementation("mine", {"render_sum": render_sum}), vector).result for vector in vectors
+    ]
+    assert [result.outcome for result in results] == ["error", "fail"]
+    assert [result.id for result in simplest_first(results)] == [SUM, degenerate]
+    assert 0 < results[0].size < results[1].size + 1
+
+
+def test_errors_beyond_a_third_of_the_bound_are_a_note():
+    passed = [
+        Result(
+            f"core/render_sum/v{n}",
+            "",
+            "rendering",
+            "pass",
+            outputs=(OutputResult("sum", "bounded", True, ratio=ratio),),
+        )
+        for n, ratio in enumerate((0.1, 0.3, 0.34, 0.75))
+    ]
+    (note,) = _unusual_notes(passed)
+    assert note == (
+        "render_sum: 2 of 4 vectors pass with more than a third of the error that is allowed, core/render_sum/v3 with "
+        "0.75 of it: allowed, and unusual"
+    )
+    assert list(_unusual_notes(passed[:2])) == []
 
 
 @pytest.mark.parametrize(

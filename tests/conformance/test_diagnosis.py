@@ -125,7 +125,7 @@ def test_refusals_at_another_bit_are_another_mutant():
     failures, passed = failures_of(mutant_called("words-backwards"), "reconstruct_stream")
     mutant = mutant_called("words-backwards").sentence
     told = diagnose(failures, passed)
-    assert all(mutant in sentences[0] for sentences in told.values())
+    assert all(any(mutant in sentence for sentence in sentences) for sentences in told.values())
     vector, outputs = next(failure for failure in failures if failure[0].id.endswith("rich_stream"))
     without_bit = {**outputs, "error": "malformed R-7-1"}
     place, *_, sentence = diagnose([(vector, without_bit)])[vector.id]

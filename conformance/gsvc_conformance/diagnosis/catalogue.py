@@ -81,9 +81,11 @@ def named(failures: Sequence[Failure], passed: Iterable[Vector]) -> dict[str, li
         if sure:
             said[failure.vector.id] = _best(sure, fit)[:MOST]
         elif not _missing_part(failure):
-            likely_ones = alike(_best(these, fit), failure)
             few = sum(explained[mutant] for mutant in these[:1]) < FEW
-            said[failure.vector.id] = [f"{MAYBE}{sentence}" for sentence in likely_ones] if few else likely_ones
+            said[failure.vector.id] = [
+                f"{MAYBE}{sentence}" if few and not sentence.startswith(ALIKE) else sentence
+                for sentence in alike(_best(these, fit), failure)
+            ]
     return said
 
 

@@ -1,4 +1,4 @@
-"""Other ways to draw: supports that end elsewhere, and splats that are blended in place of added."""
+"""Supports that end elsewhere."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -59,8 +59,6 @@ def cutoff_candidates(failure: Failure, part: Part) -> Iterator[Candidate]:
         return
     make = OF_OPERATIONS[part.operation.name, part.name]
     with np.errstate(all="ignore"):
-        if part.name != "gradients" and (blended := _blended(inputs, part)) is not None and part.agrees(blended):
-            yield Candidate("splats blended front to back with a transmittance, in place of added")
         for sentence, keeps in CUTOFFS:
             theirs = make(inputs, part, keeps)
             if theirs is None:
@@ -90,20 +88,6 @@ def _sum(inputs: Mapping[str, Any], part: Part, keeps: Keeps) -> tuple[Part, F8]
         sigma = _distances(splat, height, width)
         total += np.where(keeps(sigma, splat[5:]), np.exp(-sigma), 0.0)[:, :, None] * splat[5:]
     return part, _finished(total, inputs, part)
-
-
-def _blended(inputs: Mapping[str, Any], part: Part) -> F8 | None:
-    """The picture by alpha blending as in 3D splatting, the first splat in front."""
-    parameters, height, width = inputs["parameters"].astype(np.float64), inputs["height"], inputs["width"]
-    if len(parameters) > MAX_SPLATS or len(parameters) * height * width > MOST:
-        return None
-    total, left = np.zeros((height, width, 3)), np.ones((height, width, 1))
-    for splat in parameters:
-        sigma = _distances(splat, height, width)
-        g = np.where(sigma <= LN_255, np.exp(-sigma), 0.0)[:, :, None]
-        total += left * g * splat[5:]
-        left = left * (1 - g)
-    return _finished(total, inputs, part)
 
 
 def _finished(total: F8, inputs: Mapping[str, Any], part: Part) -> F8:
