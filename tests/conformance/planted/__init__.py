@@ -61,7 +61,9 @@ COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
 """How often a sentence is said, behind it."""
 RIGHT_ONES: Final = re.compile(r"; [^;]* (is|are) right$")
 """What a sentence about a place says of the other outputs."""
-HEDGES: Final = re.compile(rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind")
+HEDGES: Final = re.compile(
+    rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind"
+)
 """What a sentence has that gives no cause for sure, but for places (`VAGUE`, `WHERE`)."""
 SHAPES: Final = "only vectors "
 """What a cause by shapes begins with: a place in the lists without `near`; in the others it is nonsense unless it is near."""
