@@ -218,6 +218,12 @@ def said(mutant: Planted) -> Said:
     return Said(mutant, verdict(mutant, lines, begin), lines, begin)
 
 
+def said_of(place: int) -> Said:
+    """The same of one by its place in `all_planted`, for a process of its own."""
+    one = said(all_planted()[place])
+    return replace(one, mutant=replace(one.mutant, functions=dict))
+
+
 def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict:
     """Whether the first cause is the right one, or else one that is stated as if it were, or what leads to the fault."""
     if lines and re.search(mutant.right, COUNTS.sub("", lines[0])):
