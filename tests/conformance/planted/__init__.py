@@ -59,9 +59,11 @@ Patch = spec.Patch
 
 COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
 """How often a sentence is said, behind it."""
-RIGHT_ONES: Final = re.compile(r"; [^;]* (is|are) right$")
+RIGHT_ONES: Final = re.compile(r"; [^;(]* (is|are) right(?= |$)")
 """What a sentence about a place says of the other outputs."""
-HEDGES: Final = re.compile(rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind")
+HEDGES: Final = re.compile(
+    rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind"
+)
 """What a sentence has that gives no cause for sure, but for places (`VAGUE`, `WHERE`)."""
 SHAPES: Final = "only vectors "
 """What a cause by shapes begins with: a place in the lists without `near`; in the others it is nonsense unless it is near."""
@@ -216,20 +218,22 @@ def said(mutant: Planted) -> Said:
     return Said(mutant, verdict(mutant, lines, begin), lines, begin)
 
 
+def said_of(place: int) -> Said:
+    """The same of one by its place in `all_planted`, for a process of its own."""
+    one = said(all_planted()[place])
+    return replace(one, mutant=replace(one.mutant, functions=dict))
+
+
 def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict:
     """Whether the first cause is the right one, or else one that is stated as if it were, or what leads to the fault."""
-    texts = [COUNTS.sub("", line) for line in lines]
-    if texts and re.search(mutant.right, texts[0]):
+    if lines and re.search(mutant.right, COUNTS.sub("", lines[0])):
         return "right"
-    vague = (*VAGUE, WHERE) if not mutant.near else (*(start for start in VAGUE if start != SHAPES), WHERE)
-    sure = [text for text in texts if not text.startswith(vague) and not HEDGES.search(text)]
-    if sure and (sure[0] == texts[0] or not any(re.search(words, sure[0]) for words in (mutant.right, mutant.near))):
+    places = (*VAGUE, WHERE) if not mutant.near else (*(start for start in VAGUE if start != SHAPES), WHERE)
+    told = [RIGHT_ONES.sub("", line) for line in lines]
+    sure = [line for line in told if not line.startswith(places) and not HEDGES.search(line)]
+    if sure and (sure[0] == told[0] or not any(re.search(words, sure[0]) for words in (mutant.right, mutant.near))):
         return "wrong"
-    near = (
-        re.search(mutant.near, "\n".join([*(RIGHT_ONES.sub("", text) for text in texts), begin]))
-        if mutant.near
-        else texts
-    )
+    near = re.search(mutant.near, "\n".join([*told, begin])) if mutant.near else lines
     return "place" if near else "nothing"
 
 

@@ -8,7 +8,7 @@ from argparse import ArgumentParser
 from multiprocessing import get_context
 from typing import get_args
 
-from planted import Part, all_planted, said, table
+from planted import Part, all_planted, said_of, table
 from planted.page import PAGE, TOLD, page, short
 
 parser = ArgumentParser(prog="python -m planted", description=__doc__)
@@ -22,10 +22,6 @@ parser.add_argument(
 )
 
 
-def found_of(place):
-    return said(all_planted()[place])
-
-
 def main() -> int:
     arguments = parser.parse_args()
     places = [
@@ -37,7 +33,7 @@ def main() -> int:
     ]
     found = []
     with get_context("forkserver").Pool(arguments.jobs) as pool:
-        for one in pool.imap(found_of, places):
+        for one in pool.imap(said_of, places):
             found.append(one)
             if arguments.all or one.verdict != "right":
                 print("\n".join(short(one)), flush=True)
