@@ -111,7 +111,7 @@ class ErrorModel:
 
 
 FP32: Final = ErrorModel("fp32/1")
-MODELS: Final = {
+ERROR_MODELS: Final = {
     model.name: model
     for model in (
         FP32,

@@ -1,6 +1,6 @@
 """What the bounds of error models say (spec.md sections 13.3 and 13.10), and how far arithmetic with few digits is off.
 
-    python -m gsvc_lab.benchmarks.error_models --markdown docs/accuracy.md
+    python -m tests.conformance.error_model_table --markdown docs/accuracy.md
 
 Bounds are those of all numbers that a splat reaches, in the core vectors of an operation and in a fitted picture.
 Errors are those of the fitted picture's sum, before clamping, in NumPy.
@@ -20,15 +20,15 @@ from gsvc_base.pages.markers import put_between
 from gsvc_base.pages.tables import markdown_table
 from gsvc_base.rendering.bounds import render_exact_with_bound
 from gsvc_base.rendering.definition import footprints
-from gsvc_base.rendering.error_models import LOCAL, MODELS, ErrorModel
+from gsvc_base.rendering.error_models import ERROR_MODELS, LOCAL, ErrorModel
 from gsvc_conformance.operations.exact_splats import picture_by_model
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder
 from gsvc_lab.benchmarks.material import trained
 from gsvc_ref import Splats
 
-BEGIN: Final = "<!-- begin: python -m gsvc_lab.benchmarks.error_models --markdown -->"
-END: Final = "<!-- end: python -m gsvc_lab.benchmarks.error_models --markdown -->"
+BEGIN: Final = "<!-- begin: python -m tests.conformance.error_model_table --markdown -->"
+END: Final = "<!-- end: python -m tests.conformance.error_model_table --markdown -->"
 WIDTH, HEIGHT, SPLATS = 352, 288, 2000
 STEPS: Final = 255
 TOO_WIDE: Final = 4
@@ -42,8 +42,8 @@ def model_rows() -> Iterator[list[str]]:
     """A row for each model, and for models whose positions are stored in the frame."""
     vectors = {name: list(_core(name)) for name in ("render_sum", "render_frame")}
     splats = trained(WIDTH, HEIGHT, SPLATS).splats.to_array()
-    in_frame = [replace(MODELS[name], local=float(WIDTH)) for name in ("fp16/1", "bf16/1")]
-    for model in (*MODELS.values(), *in_frame):
+    in_frame = [replace(ERROR_MODELS[name], local=float(WIDTH)) for name in ("fp16/1", "bf16/1")]
+    for model in (*ERROR_MODELS.values(), *in_frame):
         bounds = [np.concatenate([_reached(*inputs, model) for inputs in given]) for given in vectors.values()]
         ordinary = _reached(splats, WIDTH, HEIGHT, model)
         cells = [f"{_steps(np.quantile(bound, share))}" for bound in (*bounds, ordinary) for share in (0.5, 0.99)]
@@ -77,7 +77,7 @@ def error_rows() -> Iterator[list[str]]:
         ("the same in the tile", product(1, LOCAL), to_11_bits, "tf32/1"),
         ("the same in the tile, coefficients in two parts", product(2, LOCAL), to_11_bits, "tf32/1"),
     ):
-        value, bound = render_exact_with_bound(splats, WIDTH, HEIGHT, MODELS[model])
+        value, bound = render_exact_with_bound(splats, WIDTH, HEIGHT, ERROR_MODELS[model])
         error = abs(drawn(splats, weight, factor) - value)
         cells = [_steps(np.quantile(error, share)) for share in (0.5, 0.99, 1)]
         beyond = np.count_nonzero(error > bound) / error.size
