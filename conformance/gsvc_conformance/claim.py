@@ -87,9 +87,8 @@ def read_model(name: str) -> ErrorModel:
         There is none of that name.
     """
     if name not in ERROR_MODELS:
-        raise UsageError(
-            f"there is no error model {name!r}{question(name, ERROR_MODELS) or f'; it is {_one_of([*ERROR_MODELS])}'}"
-        )
+        near = question(name, ERROR_MODELS) or f"; it is {_one_of([*ERROR_MODELS])}"
+        raise UsageError(f"there is no error model {name!r}{near}")
     return ERROR_MODELS[name]
 
 

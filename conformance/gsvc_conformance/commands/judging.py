@@ -56,7 +56,7 @@ def add_judging(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--model", metavar="MODEL",
-        help=f"the error model that bounds are derived from: {', '.join(ERROR_MODELS)} (that of the claim, or {FP32.name})",
+        help=f"the error model that bounds are derived from: {', '.join(ERROR_MODELS)} (the claim's, or {FP32.name})",
     )  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",
