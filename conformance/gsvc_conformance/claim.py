@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Final, get_args
 
 from gsvc_base.errors import UsageError
-from gsvc_base.rendering.error_models import FP32, MODELS, ErrorModel
+from gsvc_base.rendering.error_models import ERROR_MODELS, FP32, ErrorModel
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.operation import OPTIONS, Group
 from gsvc_conformance.profiles import PROFILES
@@ -86,9 +86,10 @@ def read_model(name: str) -> ErrorModel:
     UsageError
         There is none of that name.
     """
-    if name not in MODELS:
-        raise UsageError(f"there is no error model {name!r}{question(name, MODELS) or f'; it is {_one_of([*MODELS])}'}")
-    return MODELS[name]
+    if name not in ERROR_MODELS:
+        near = question(name, ERROR_MODELS) or f"; it is {_one_of([*ERROR_MODELS])}"
+        raise UsageError(f"there is no error model {name!r}{near}")
+    return ERROR_MODELS[name]
 
 
 def _check(what: str, given: Sequence[str], known: Sequence[str]) -> None:

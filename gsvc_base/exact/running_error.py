@@ -77,10 +77,10 @@ class Computed:
         with np.errstate(divide="ignore", invalid="ignore"):
             error = (self.error + abs(quotient.near) * other.error) / np.maximum(least, 0)
         error = np.where(least > 0, error, np.inf)
-        as_product = self.model.digits(OF_QUOTIENT) * (abs(quotient.near) + error)
-        power_of_two = abs(np.frexp(other.value)[0]) == 0.5
-        exactly = _all_exact(self, other) & power_of_two
-        return _rounded(quotient, error + as_product, QUOTIENT_ERROR, exactly, self.model)
+        if self.model.narrow:  # a product with a reciprocal
+            error = error + self.model.digits(OF_QUOTIENT) * (abs(quotient.near) + error)
+        exactly = _all_exact(self, other) & (abs(np.frexp(other.value)[0]) == 0.5)  # a power of two
+        return _rounded(quotient, error, QUOTIENT_ERROR, exactly, self.model)
 
     def sqrt(self) -> "Computed":
         """The root of numbers that are at least 0: near 0 the distance of the roots themselves, not a derivative."""

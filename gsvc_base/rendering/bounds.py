@@ -3,8 +3,8 @@
 The model fp32/1 (unit eps = 2^-23, so that any rounding direction is legal): an addition, subtraction or
 multiplication has a relative error of at most eps, fused or not; a division or reciprocal 2.5 eps; exp(-x) has
 (3 + 2 x) eps (13-3); terms may be added in any order; a result below 2^-126 may become zero. gamma_k =
-k eps / (1 - k eps) bounds k roundings in a row. In long sums no term takes part in more than D additions (`additions`): a sum in blocks, or of rows and then
-columns.
+k eps / (1 - k eps) bounds k roundings in a row. In long sums no term takes part in more than D additions
+(`additions`): a sum in blocks, or of rows and then columns.
 
 **sigma.** With a = |dy| / l22 and b = |l21 u1| / l22, hence |u2| <= a + b:
 
@@ -52,7 +52,7 @@ from gsvc_base.arrays import F8
 from gsvc_base.checks import door
 from gsvc_base.constants import LN_255, SUPPORT_RADIUS
 from gsvc_base.rendering.definition import Footprint, added, check_residual, exp_minus, footprint
-from gsvc_base.rendering.error_models import EPS, FP32, LOCAL, ErrorModel, Roundings, additions
+from gsvc_base.rendering.error_models import EPS, FP32, ErrorModel, Roundings, additions
 from gsvc_base.splats import PARAMETERS_PER_SPLAT, Splats
 
 OF_U1: Final = Roundings(5, factors=2, stored=5)
@@ -109,7 +109,7 @@ class WeightErrors:
         distance = abs(sigma - LN_255)
         self.band = distance <= self.d_sigma + (EPS + model.stored) * LN_255  # (13-9)
         entries = max(l11, l21, l22, 1 / l11, 1 / l22, l21 / l22)
-        steps = np.maximum(np.maximum(dx, dy) + LOCAL, np.maximum(dy / l22, l21 * u1 * max(1, 1 / l22)))
+        steps = np.maximum(np.maximum(dx, dy) + model.local, np.maximum(dy / l22, l21 * u1 * max(1, 1 / l22)))
         self.band |= pixels.covered & model.beyond(np.maximum(steps, entries))
 
 

@@ -69,6 +69,8 @@ class ErrorModel:
         The largest number that can be stored.
     terms
         The number of terms that may be added as they are stored.
+    local
+        Pixels between a pixel and the place that stored positions are relative to.
     """
 
     name: str
@@ -77,6 +79,7 @@ class ErrorModel:
     eta: float = ETA
     largest: float = inf
     terms: int = 1
+    local: float = LOCAL
 
     @property
     def narrow(self) -> bool:
@@ -100,7 +103,7 @@ class ErrorModel:
     @property
     def position(self) -> float:
         """The absolute error of a stored position and of its distance to a pixel (13-21)."""
-        return LOCAL * (self.stored + EPS) + 2 * self.eta if self.stored else 0.0
+        return self.local * (self.stored + EPS) + 2 * self.eta if self.stored else 0.0
 
     def beyond(self, magnitude: ArrayLike) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
         """Where numbers with roundings may be beyond the largest one."""
@@ -108,7 +111,7 @@ class ErrorModel:
 
 
 FP32: Final = ErrorModel("fp32/1")
-MODELS: Final = {
+ERROR_MODELS: Final = {
     model.name: model
     for model in (
         FP32,

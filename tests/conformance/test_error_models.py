@@ -9,7 +9,7 @@ from narrow import DOWN, NEAREST, RANDOM, ROUNDINGS, Narrow, in_the_frame, shift
 
 from gsvc_base.errors import UsageError
 from gsvc_base.rendering.bounds import render_exact_with_bound
-from gsvc_base.rendering.error_models import FP32, MODELS
+from gsvc_base.rendering.error_models import ERROR_MODELS, FP32
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.case import of_operation
 from gsvc_conformance.cases import CAPACITY
@@ -23,7 +23,7 @@ from gsvc_conformance.report.json import from_object
 from gsvc_conformance.results import Report, Result
 
 OPERATIONS = ("render_sum", "render_frame", "render_gradients", "loss")
-NARROW = [model for model in MODELS.values() if model.narrow]
+NARROW = [model for model in ERROR_MODELS.values() if model.narrow]
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*encountered:RuntimeWarning")  # what binary16 cannot hold
 
@@ -99,7 +99,7 @@ ASKED = {
 
 
 @pytest.mark.parametrize("rounding", ROUNDINGS)
-@pytest.mark.parametrize("model", MODELS.values(), ids=MODELS)
+@pytest.mark.parametrize("model", ERROR_MODELS.values(), ids=ERROR_MODELS)
 def test_what_a_model_allows_is_within_its_bounds(model, rounding):
     for name, makers in ASKED.items():
         for maker in makers:
@@ -127,10 +127,10 @@ STRICTER = [("tf32/1", "fp32/1"), ("fp16/1", "fp32/1"), ("bf16/1", "tf32/1"), ("
 
 @pytest.mark.parametrize(("double", "model"), STRICTER)
 def test_the_next_stricter_model_is_missed(double, model):
-    inputs, expected = judged("render_sum", picture, MODELS[model])
-    assert faults(Narrow(MODELS[double], DOWN), "render_sum", inputs, expected)
+    inputs, expected = judged("render_sum", picture, ERROR_MODELS[model])
+    assert faults(Narrow(ERROR_MODELS[double], DOWN), "render_sum", inputs, expected)
     inputs, expected = judged("render_gradients", residual, FP32)
-    assert faults(Narrow(MODELS[double]), "render_gradients", inputs, expected)
+    assert faults(Narrow(ERROR_MODELS[double]), "render_gradients", inputs, expected)
 
 
 def faint():
@@ -140,9 +140,9 @@ def faint():
 
 
 def test_sums_of_16_terms_in_binary16_are_found_by_fp16():
-    double = Narrow(MODELS["fp16-sums/1"])
-    assert faults(double, "render_sum", *judged("render_sum", faint, MODELS["fp16-sums/1"])) == []
-    assert faults(double, "render_sum", *judged("render_sum", faint, MODELS["fp16/1"]))
+    double = Narrow(ERROR_MODELS["fp16-sums/1"])
+    assert faults(double, "render_sum", *judged("render_sum", faint, ERROR_MODELS["fp16-sums/1"])) == []
+    assert faults(double, "render_sum", *judged("render_sum", faint, ERROR_MODELS["fp16/1"]))
 
 
 @pytest.mark.parametrize("model", NARROW, ids=str)
@@ -159,10 +159,10 @@ def test_a_colour_that_is_off_by_two_percent_is_found(model):
 
 
 def test_positions_stored_in_the_frame_are_found():
-    inputs, expected = judged("render_sum", far_away, MODELS["fp16/1"])
-    assert faults(in_the_frame(Narrow(MODELS["fp16/1"])), "render_sum", inputs, expected)
-    inputs, expected = judged("render_sum", far_away, MODELS["bf16/1"])
-    assert faults(in_the_frame(Narrow(MODELS["bf16/1"])), "render_sum", inputs, expected)
+    inputs, expected = judged("render_sum", far_away, ERROR_MODELS["fp16/1"])
+    assert faults(in_the_frame(Narrow(ERROR_MODELS["fp16/1"])), "render_sum", inputs, expected)
+    inputs, expected = judged("render_sum", far_away, ERROR_MODELS["bf16/1"])
+    assert faults(in_the_frame(Narrow(ERROR_MODELS["bf16/1"])), "render_sum", inputs, expected)
 
 
 LOOSER = [("fp32/1", "tf32/1"), ("fp32/1", "fp16/1"), ("fp16/1", "fp16-sums/1"), ("tf32/1", "bf16/1")]
@@ -172,7 +172,7 @@ LOOSER = [("fp32/1", "tf32/1"), ("fp32/1", "fp16/1"), ("fp16/1", "fp16-sums/1"),
 @pytest.mark.parametrize(("stricter", "looser"), LOOSER)
 def test_a_looser_model_has_larger_bounds(operation, stricter, looser):
     (maker, *_) = ASKED[operation]
-    of_both = (judged(operation, maker, MODELS[name])[1].values() for name in (stricter, looser))
+    of_both = (judged(operation, maker, ERROR_MODELS[name])[1].values() for name in (stricter, looser))
     for strict, loose in zip(*of_both, strict=True):
         (low, high), (lower, higher) = ends(strict), ends(loose)
         assert np.all(lower <= low)
@@ -234,7 +234,7 @@ def test_a_run_by_fp32_names_no_model(tmp_path):
 
 def test_a_claim_names_a_model():
     claim = read_claim("rendering,main,2,sizes,tf32/1")
-    assert claim.model is MODELS["tf32/1"]
+    assert claim.model is ERROR_MODELS["tf32/1"]
     assert claim.options == ("sizes",)
     assert str(claim) == "rendering,main,2,sizes,tf32/1"
     assert read_claim("rendering,main,2").model is FP32

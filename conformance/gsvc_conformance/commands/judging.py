@@ -20,7 +20,7 @@ from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import UsageError
 from gsvc_base.files import write_text
-from gsvc_base.rendering.error_models import FP32, MODELS, ErrorModel
+from gsvc_base.rendering.error_models import ERROR_MODELS, FP32, ErrorModel
 from gsvc_conformance import __version__
 from gsvc_conformance.case import FULL, OWN
 from gsvc_conformance.causes import Causes
@@ -60,7 +60,7 @@ def add_judging(parser: ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--model", metavar="MODEL",
-        help=f"the error model that bounds are derived from: {', '.join(MODELS)} (that of the claim, or {FP32.name})",
+        help=f"the error model that bounds are derived from: {', '.join(ERROR_MODELS)} (the claim's, or {FP32.name})",
     )  # fmt: skip
     parser.add_argument(
         "--features", type=Path, metavar="FILE",
