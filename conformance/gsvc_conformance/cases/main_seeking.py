@@ -12,9 +12,9 @@ from gsvc_conformance.cases.building import Chunks, operated, result
 from gsvc_conformance.cases.container import INDICES_IN_WORDS, entries_of, indices, with_index
 from gsvc_conformance.cases.faults import end_of
 from gsvc_conformance.cases.main_layers import LayerPlan, with_layers
-from gsvc_conformance.cases.main_sizes import EMPTY, REPEATED, group, paced
+from gsvc_conformance.cases.main_sizes import REPEATED
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, main_stream
-from gsvc_conformance.cases.pace import LARGEST
+from gsvc_conformance.cases.pace import LARGEST, MAIN, group
 from gsvc_conformance.cases.seeking import RANGES, check_slice, damaged
 from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
@@ -173,7 +173,7 @@ def main_frames_beyond_8_bits(value: tuple[int, int]) -> Inputs:
 @case("core", "seek", rules=["R-5-7", "R-5-8", "R-12.6-4"], each={"group_of_the_first_frame": 1, "later_group": 3})
 def main_pace_is_not_judged(value: int) -> Inputs:
     """In a paced stream an I-frame is due; who seeks frames of the {key} does not judge the pace."""
-    data = paced([*[EMPTY] * value, *[REPEATED] * 5], frame_rate_numerator=1)
+    data = MAIN.paced([*[MAIN.empty] * value, *[REPEATED] * 5], frame_rate_numerator=1)
     expected = yield {"stream": data, "first": value, "last": value + 4}
     assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 5)
 
@@ -181,7 +181,7 @@ def main_pace_is_not_judged(value: int) -> Inputs:
 @case("core", "seek", rules=["R-5-7", "R-12.6-4"])
 def main_sums_of_a_second_are_not_judged() -> Inputs:
     """A second of a paced stream has 65 of the largest frames, and who seeks to its last ones does not judge that."""
-    data = paced(group(EMPTY, 65), **LARGEST, frame_rate_numerator=65)
+    data = MAIN.paced(group(MAIN.empty, 65), **LARGEST, frame_rate_numerator=65)
     expected = yield {"stream": data, "first": 1, "last": 64}
     assert (result(expected, "error"), len(result(expected, "counts"))) == ("", 64)
 
