@@ -20,6 +20,24 @@ WRONG: Final = {
         "core/reconstruct_stream/frames_beyond_14_bits",
         (("    state.next_number += 1\n", "    state.next_number = (state.next_number + 1) % 2**14\n"),),
     ),
+    "frames of profile main counted in 14 bits": (
+        "core/reconstruct_stream/main_frames_beyond_14_bits",
+        (("    state.next_number += 1\n", "    state.next_number = (state.next_number + 1) % 2**14\n"),),
+    ),
+    "splats of profile main that stay, whose indices have 16 bits": (
+        "core/reconstruct_stream/main_survivors_beyond_16_bits",
+        (("add_differences(main.splats[stay], ", "add_differences(main.splats[np.flatnonzero(stay) % 2**16], "),),
+    ),
+    "a level of 2^14 splats of profile main that may not be reached": (
+        "core/reconstruct_stream/main_as_many_splats_as_allowed",
+        (('    if count + len(main.splats) > limits["splats"]:',
+          '    if count + len(main.splats) >= limits["splats"]:'),),
+    ),
+    "a frame of profile main halved at most 26 times": (
+        "stress/reconstruct_stream/main_most_halvings_columns",
+        (("    return 2 * max(columns - 1, rows - 1).bit_length()\n",
+          "    return min(26, 2 * max(columns - 1, rows - 1).bit_length())\n"),),
+    ),
     "a level of 2^16 splats that may not be reached": (
         "core/{operation}/as_many_splats_as_level_2_allows",
         (('    if splat_count > state.limits["splats"]:', '    if splat_count >= state.limits["splats"]:'),),

@@ -139,6 +139,9 @@ def test_layers(parser):
         assert count == entry.plan.count
 
 
+OF_LAYERS = ("reconstruct_layers", "decode_layers")
+
+
 @NEEDS_COMPILER
 @pytest.mark.skipif(not VECTORS.is_dir(), reason="vectors/ is not there")
 def test_all_legal_vectors(parser):
@@ -147,7 +150,7 @@ def test_all_legal_vectors(parser):
         tier, operation, _ = path.parts[-4:-1]
         data = path.read_bytes()
         # A stream to seek in may have a fault after the frame, and one with layers a fault above its quality.
-        unmet = operation == "seek" or (operation == "reconstruct_layers" and reconstruct_layers(data, 3).error)
+        unmet = operation == "seek" or (operation in OF_LAYERS and reconstruct_layers(data, 3).error)
         if tier != "faulty" and not unmet:
             found = assert_read_alike(parser, data)
             frames, complete = frames + found[0], complete + found[1]

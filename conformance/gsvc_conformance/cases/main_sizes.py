@@ -97,14 +97,16 @@ def main_splats_beyond_16_bits() -> Inputs:
 
 @on("core", *READ, flags=["survivors", CAPACITY], rules=["R-5-2"])
 def main_survivors_beyond_16_bits() -> Inputs:
-    """Of 65,613 splats the last 90 stay, and one comes: the indices of those that stay take 17 bits."""
+    """Of 65,613 splats the last 90, which are unlike the others, stay, and one comes: their indices take 17 bits."""
     header = replace(MAIN_HEADER, level=3, width=8, height=4)
     count, stay = BEYOND_16_BITS, 90
     modes = np.where(np.arange(count) < count - stay, 8, 2)
     differences = np.zeros((count, 8), np.int64)
     differences[-stay:, 2] = np.arange(stay) % 9 + 1
+    first = many(header, count)
+    first.new.colors[-stay:, 2] = np.arange(stay) % 3 + 1
     new = replace(crowd(header, (25, 0), 1), type="P", modes=modes, differences=differences)
-    expected = yield {"stream": write_stream(header, [many(header, count), new], index=False)}
+    expected = yield {"stream": write_stream(header, [first, new], index=False)}
     assert result(expected, "counts").tolist() == [count, stay + 1]
 
 
