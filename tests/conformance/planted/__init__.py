@@ -61,10 +61,12 @@ COUNTS = re.compile(r" \(\w+: \d+ of \d+ examined[^()]*\)$")
 """How often a sentence is said, behind it."""
 RIGHT_ONES: Final = re.compile(r"; [^;(]* (is|are) right(?= |$)")
 """What a sentence about a place says of the other outputs."""
+GUESSES: Final = "could be|need not be yours|or another one"
+"""What a sentence has that may be about another fault: what it says is no place."""
 HEDGES: Final = re.compile(
-    rf"could be|need not be yours|or another one|{MEND}|^a legal stream refused|^a refusal of another kind"
+    f"{GUESSES}|{MEND}|^a legal stream refused|^a refusal of another kind|^every answer is an error"
 )
-"""What a sentence has that gives no cause for sure, but for places (`VAGUE`, `WHERE`)."""
+"""The same, and sentences that say what happens: they give no cause for sure, as places do (`VAGUE`, `WHERE`)."""
 SHAPES: Final = "only vectors "
 """What a cause by shapes begins with: a place in the lists without `near`; in the others it is nonsense unless it is near."""
 CONFORMS: Final = "nothing is wrong"
@@ -233,8 +235,11 @@ def verdict(mutant: Planted, lines: tuple[str, ...], begin: str = "") -> Verdict
     sure = [line for line in told if not line.startswith(places) and not HEDGES.search(line)]
     if sure and (sure[0] == told[0] or not any(re.search(words, sure[0]) for words in (mutant.right, mutant.near))):
         return "wrong"
-    near = re.search(mutant.near, "\n".join([*told, begin])) if mutant.near else lines
-    return "place" if near else "nothing"
+    if not mutant.near:
+        return "place" if lines else "nothing"
+    certain = [line for line in told if not re.search(GUESSES, line)]
+    leads = re.search(mutant.near, "\n".join([*certain, begin])) or re.search(mutant.right, "\n".join(told))
+    return "place" if leads else "nothing"
 
 
 @cache
