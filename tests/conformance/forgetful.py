@@ -86,7 +86,7 @@ class _Inequalities(ast.NodeTransformer):
         signs = [SIGNS[type(sign)] for sign in node.ops if type(sign) in SIGNS]
         if len(signs) < len(node.ops):
             return node
-        return _call("compares", node.lineno, ast.Constant(tuple(signs)), node.left, *node.comparators)
+        return _call("compares", node.lineno, ast.Constant(" ".join(signs)), node.left, *node.comparators)
 
 
 def _call(name: str, line: int, *arguments: ast.expr) -> ast.Call:
@@ -148,7 +148,7 @@ def inequalities() -> tuple[tuple[Check, int], ...]:
         for node in ast.walk(function)
         if isinstance(node, ast.If)
         for call in _calls(node.test, "compares")
-        for number in range(len(ast.literal_eval(call.args[1])))
+        for number in range(len(ast.literal_eval(call.args[1]).split()))
     )
 
 
@@ -240,8 +240,8 @@ class Reader:
         if self.left_out > PATIENCE:
             raise RecursionError("it never ends")
 
-    def _compares(self, line: int, signs: tuple[str, ...], *values: Any) -> bool:
-        for number, (sign, left, right) in enumerate(zip(signs, values, values[1:], strict=False)):
+    def _compares(self, line: int, signs: str, *values: Any) -> bool:
+        for number, (sign, left, right) in enumerate(zip(signs.split(), values, values[1:], strict=False)):
             if (line, number) == self.one_off:
                 sign = sign[0] if len(sign) == 2 else f"{sign}="
             if not INEQUALITIES[sign](left, right):

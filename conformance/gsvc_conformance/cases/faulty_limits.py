@@ -123,13 +123,11 @@ def main_limits() -> Iterator[Broken]:
             yield Broken("R-5-11", "limit", f"max_lane_exponent_{lanes + 1}", f"max_lane_exponent is {lanes + 1}",
                          allowed(lanes), partial(MAIN.overview, Lie("max_lane_exponent", lanes + 1),
                                                  level=level))  # fmt: skip
-        size: dict[str, Any] = {
-            "width": limits.pixels // 256 if level == 1 else side,
-            "height": 256 if level == 1 else side,
-        }
+        height = 256 if level == 1 else side
+        width = limits.pixels // height
         yield Broken("R-5-4", "limit", f"work_of_level_{level}",
-                     f"257 splats cover {size['width']}x{size['height']} pixels each", allowed(limits.work),
-                     partial(_covered, replace(SMALL_HEADER, level=level, **size)))  # fmt: skip
+                     f"257 splats cover {width}x{height} pixels each", allowed(limits.work),
+                     partial(_covered, replace(SMALL_HEADER, level=level, width=width, height=height)))  # fmt: skip
     yield Broken("R-5-4", "limit", "new_splats", "256 splats cover 512x256 pixels, and one more comes",
                  "level 1 allows 2^25", partial(_covered, replace(SMALL_HEADER, width=512, height=256), 1),
                  1)  # fmt: skip

@@ -161,7 +161,13 @@ def as_many_pixels_of_a_second_as_allowed(value: Frames) -> Inputs:
 
 
 @case("core", "read_stream", flags=["limit", "many"], rules=["R-5-7"], each={"": PAPER})
-@case("core", "reconstruct_stream", flags=["limit", "many", CAPACITY], rules=["R-5-7"], each={"main": MAIN})
+@case(
+    "core",
+    "reconstruct_stream",
+    flags=["limit", "many", CAPACITY],
+    rules=["R-5-2", "R-5-7", "R-5-9"],
+    each={"main": MAIN},
+)
 def as_many_splats_of_a_second_as_allowed(value: Frames) -> Inputs:
     """64 frames of as many splats as a frame may have in a second, and then four fewer."""
     most = value.equal(LEVEL.splats)
