@@ -81,7 +81,7 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     ("encode_run", "lane_count"): (0, "`encode_run` looks at one lane at a time"),
     **{("encode_run", axis): (0, "raw values are a string of bits, whose length K stands for") for axis in "EFt"},
     ("encode_run", "G"): (0, "there are at most 128 groups of lanes"),
-    ("cells_of_halves", "K"): (1 << 13, "of splats, whose number counts, there are more than of parts"),
+    ("cells_of_halves", "K"): (1 << 12, "a part has a splat, and of these there are more"),
     ("window_frequencies", "M"): (1 << 8, "windows have at most 514 bins"),
     ("read_main_stream", "E"): (0, "a header has some 20 elements"),
     **{("read_main_stream", axis): (1 << 8, "`reconstruct_stream` has more frames") for axis in "TK"},
