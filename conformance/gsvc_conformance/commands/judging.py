@@ -117,7 +117,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     stale = plan.waivers.stale(found.results, plan.folder.names)
     place = {name: number for number, name in enumerate(plan.names)}
     report = Report(
-        environment=environment(implementation.name, plan.folder),
+        environment=environment(implementation.name, plan.folder) | _model_shown(plan.model),
         command=shlex.join(
             [*command, *_vectors_words(arguments), *_model_words(plan.model), *_features_words(arguments)]
         ),
@@ -366,6 +366,11 @@ def _vectors_words(arguments: Namespace) -> list[str]:
     """The options that name the vectors and the set, unless they are the usual ones."""
     place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
     return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
+
+
+def _model_shown(model: ErrorModel) -> dict[str, str]:
+    """What all forms of a report show of a model that is not the usual one."""
+    return {"error model": model.name} if model is not FP32 else {}
 
 
 def _model_words(model: ErrorModel) -> list[str]:
