@@ -117,12 +117,12 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
     stale = plan.waivers.stale(found.results, plan.folder.names)
     place = {name: number for number, name in enumerate(plan.names)}
     report = Report(
-        environment=environment(implementation.name, plan.folder) | _model_shown(plan.model),
+        environment=environment(implementation.name, plan.folder),
         command=shlex.join(
             [*command, *_vectors_words(arguments), *_model_words(plan.model), *_features_words(arguments)]
         ),
         selection="" if plan.claim else str(plan.selection),
-        notes=_notes(arguments, found, stale),
+        notes=[*model_notes(plan.model), *_notes(arguments, found, stale)],
         results=sorted(found.results, key=lambda result: place[result.id]),
         runs_on=runs_on,
         ended=found.notes[0] if len(found.results) < len(plan.names) else "",
@@ -368,9 +368,9 @@ def _vectors_words(arguments: Namespace) -> list[str]:
     return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
 
 
-def _model_shown(model: ErrorModel) -> dict[str, str]:
-    """What all forms of a report show of a model that is not the usual one."""
-    return {"error model": model.name} if model is not FP32 else {}
+def model_notes(model: ErrorModel) -> list[str]:
+    """What all forms of a report say of a model that is not the usual one."""
+    return [f"the bounds are those of the error model {model.name}"] if model is not FP32 else []
 
 
 def _model_words(model: ErrorModel) -> list[str]:
