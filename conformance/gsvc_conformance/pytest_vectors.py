@@ -22,7 +22,7 @@ from gsvc_base.rendering.error_models import FP32
 from gsvc_conformance.causes import Causes, Search, added
 from gsvc_conformance.claim import read_model
 from gsvc_conformance.commands import wanted_set
-from gsvc_conformance.commands.judging import environment
+from gsvc_conformance.commands.judging import environment, model_notes
 from gsvc_conformance.features import read_features
 from gsvc_conformance.implementations import Implementation, load_module
 from gsvc_conformance.operation import Group, checked_operations, operations
@@ -183,7 +183,8 @@ class Run:
         by_id = {result.id: result for result in results}
         there = [by_id[name] for name in self.names if name in by_id]
         return Report(
-            environment(self.implementation.name, self._folder), "", str(self.selection), notes, there,
+            environment(self.implementation.name, self._folder), "", str(self.selection),
+            [*model_notes(self._model), *notes], there,
             self.implementation.environment, whole=self.selection.whole and len(there) == len(self.names),
             features=self._features, model=self._model.name,
         )  # fmt: skip

@@ -94,8 +94,7 @@ class Computed:
 
         `rows` and `columns` are those of the pixels that the terms belong to, for (13-4).
         """
-        along = {} if axis is None else {"number": self.number.moved(axis), "error": np.moveaxis(self.error, axis, 0)}
-        terms = replace(self, **along) if along else self.flat()
+        terms = self.flat() if axis is None else self._moved(axis)
         return terms.totals(np.zeros(len(terms.error), np.int64), 1, times=times, rows=rows, columns=columns)[0]
 
     def totals(self, keys: I8, count: int, *, times: I8 | None = None, rows: int = 0, columns: int = 0) -> "Computed":
@@ -120,6 +119,9 @@ class Computed:
     def flat(self) -> "Computed":
         """These numbers in a row."""
         return replace(self, number=self.number.reshape(-1), error=self.error.reshape(-1))
+
+    def _moved(self, axis: int) -> "Computed":
+        return replace(self, number=self.number.moved(axis), error=np.moveaxis(self.error, axis, 0))
 
     def where(self, condition: NDArray[np.bool_], other: "Computed") -> "Computed":
         """These numbers where the condition holds, else the other ones."""

@@ -159,7 +159,7 @@ class SumBound:
 def render_exact_with_bound(
     splats: Splats | ArrayLike, width: int, height: int, model: ErrorModel = FP32
 ) -> tuple[F8, F8]:
-    """The exact sum and how far a binary32 renderer may be from it in each element (the derivation is above).
+    """The exact sum and how far a renderer may be from it in each element (the derivation is above).
 
     Parameters
     ----------
@@ -167,6 +167,8 @@ def render_exact_with_bound(
         The splats, or their parameters (N, 8) f4.
     width, height
         Size of the frame in pixels.
+    model
+        The error model.
 
     Returns
     -------
@@ -197,7 +199,7 @@ def frame_limits(C: F8, bound: F8, bit_depth: int) -> tuple[F8, F8]:
 
 
 def exact_gradients_with_bound(splats: Splats, residual: ArrayLike, model: ErrorModel = FP32) -> tuple[F8, F8]:
-    """The exact gradients of sum(residual * C) and how far binary32 ones may be from them (the derivation is above).
+    """The exact gradients of sum(residual * C) and how far others may be from them (the derivation is above).
 
     Parameters
     ----------
@@ -205,6 +207,8 @@ def exact_gradients_with_bound(splats: Splats, residual: ArrayLike, model: Error
         The splats.
     residual
         (H, W, 3), dL/dC.
+    model
+        The error model.
 
     Returns
     -------
@@ -272,7 +276,7 @@ def gradient_bound(splat: F8, pixels: Footprint, errors: WeightErrors, e: F8, mo
         total((of_22, i22, lost_22)),
         *(total((moment(abs(e[..., k]), 1.0, 0.0), 1.0, 0.0)) for k in range(3)),
     ]
-    steps = (abs(e).max(), abs(splat[5:]).max(), i11, i22, shear, l21 / l22)
+    steps = (abs(e[either]).max(initial=0), abs(splat[5:]).max(), i11, i22, shear, l21 / l22)
     if min(l11, l22) < entry or np.any(model.beyond(steps)):
         return np.full(8, np.inf)
     return np.array(bound)

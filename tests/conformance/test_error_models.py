@@ -214,6 +214,7 @@ def test_a_run_by_a_model_names_it(tmp_path):
     assert run("--case", "core/loss/loss_of_one_pixel", "--model", "tf32/1", "--json", str(path)) == 0
     written = json.loads(path.read_text(encoding="utf-8"))
     assert written["model"] == "tf32/1"
+    assert written["notes"] == ["the bounds are those of the error model tf32/1"]
     assert "--model tf32/1" in written["command"]
     assert from_object(written).model == "tf32/1"
 

@@ -130,7 +130,7 @@ def judge(arguments: Namespace, implementation: Implementation, command: list[st
             [*command, *_vectors_words(arguments), *_model_words(plan.model), *_features_words(arguments)]
         ),
         selection="" if plan.claim else str(plan.selection),
-        notes=_notes(arguments, found, stale),
+        notes=[*model_notes(plan.model), *_notes(arguments, found, stale)],
         results=sorted(found.results, key=lambda result: place[result.id]),
         runs_on=runs_on,
         ended=found.notes[0] if len(found.results) < len(plan.names) else "",
@@ -408,6 +408,11 @@ def _vectors_words(arguments: Namespace) -> list[str]:
     """The options that name the vectors and the set, unless they are the usual ones."""
     place = ["--vectors", str(arguments.vectors)] if arguments.vectors != VECTORS else []
     return [*place, *(["--set", str(arguments.set)] if arguments.set != "newest" else [])]
+
+
+def model_notes(model: ErrorModel) -> list[str]:
+    """What all forms of a report say of a model that is not the usual one."""
+    return [f"the bounds are those of the error model {model.name}"] if model is not FP32 else []
 
 
 def _model_words(model: ErrorModel) -> list[str]:

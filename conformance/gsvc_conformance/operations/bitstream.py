@@ -93,7 +93,7 @@ def frame_intervals_by_model(
     model: ErrorModel, expected: Mapping[str, Expectation], inputs: Values
 ) -> dict[str, Expectation]:
     """Each frame's interval by another error model."""
-    frames = expected["frames"].value
+    frames = np.asarray(expected["frames"].value)
     return _of_frames(
         inputs["stream"], inputs.get("layer", 0),
         lambda number, given: frame_by_model(model, {"frame": Exact(frames[number])}, given)["frame"],

@@ -149,7 +149,7 @@ def _frames_of_bounded_sums(parameters: F4, width: int, height: int, bit_depth: 
 def frame_by_model(model: ErrorModel, expected: Expected, inputs: Values) -> Expected:
     """The same frame, and all that the bound by another error model allows."""
     C, bound = picture_by_model(model, inputs["parameters"], inputs["width"], inputs["height"])
-    value = expected["frame"].value
+    value = np.asarray(expected["frame"].value)
     lowest, highest = frame_limits(C, bound, inputs["bit_depth"])
     return {"frame": Interval(value, lowest.astype(value.dtype), highest.astype(value.dtype))}
 

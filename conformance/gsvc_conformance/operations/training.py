@@ -27,10 +27,11 @@ def loss_oracle(picture: F4, target: F4) -> Expected:
 def _loss_by_model(model: ErrorModel, _: Expected, inputs: Values) -> Expected:
     """The same by another error model."""
     outputs = loss_with_bound(**inputs, model=model)
-    overflow = {"may_overflow": model is not FP32}
+    overflow = model is not FP32
     return {
-        "loss": Bounded(*outputs["loss"], "<f8", **overflow), "residual": Bounded(*outputs["residual"], **overflow),
-    }  # fmt: skip
+        "loss": Bounded(*outputs["loss"], "<f8", may_overflow=overflow),
+        "residual": Bounded(*outputs["residual"], may_overflow=overflow),
+    }
 
 
 paired(
