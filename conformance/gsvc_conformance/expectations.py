@@ -83,7 +83,7 @@ def _as_far(expectation: "OfArrays", failure: Judgement, actual: object) -> Judg
     if common == 0 or len(actual) == len(right):  # it has another type
         return failure
     parts = {name: part for name, part in vars(expectation).items() if isinstance(part, np.ndarray) and part.ndim}
-    begin = replace(expectation, **{name: part[:common] for name, part in parts.items()})
+    begin = replace(expectation, **{name: part[:common] for name, part in parts.items()})  # type: ignore[arg-type]
     verdict = begin.judge(np.ascontiguousarray(actual[:common]))
     said = "right" if verdict.passed else f"wrong: it {verdict.message}"
     return replace(failure, message=f"{failure.message}; the first {common} are {said}")

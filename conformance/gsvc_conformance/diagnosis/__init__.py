@@ -133,9 +133,9 @@ def diagnose(
 
 
 def _attribute(found: Attribution, looks: dict[str, Look], named: dict[str, list[str]]) -> None:
-    """Name what an attribution has found where nothing else is named, and where it gives all that was given."""
+    """Name what an attribution has found where nothing else is named; several mutants wherever they give all."""
     for name in found.ids:
-        if found.shares[name] == 1 or not (looks[name].strong or named.get(name)):
+        if (found.several and found.shares[name] == 1) or not (looks[name].strong or named.get(name)):
             weak = [] if found.sure else looks[name].weak[:1]
             looks[name].strong, named[name] = [], [found.sentence, *weak]
 

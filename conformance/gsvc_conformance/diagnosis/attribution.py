@@ -72,11 +72,14 @@ class Attribution:
         The share in each vector by id.
     sure
         Whether it is told without a hedge.
+    several
+        Whether it is more than one mutant.
     """
 
     sentence: str
     shares: dict[str, float]
     sure: bool
+    several: bool
 
     @property
     def ids(self) -> set[str]:
@@ -171,7 +174,7 @@ def _told(mutants: Sequence[Mutant], measured: Sequence[_Measured]) -> Attributi
         part = 1 - _left(together(mutants[:number]), measured)
         words.append(f"{mutant.sentence}{f' (together {_percent(part)})' if share < WHOLE else ''}")
     sure = share >= (SURE if len(mutants) > 1 else SURE_ALONE)
-    return Attribution(f"{'' if sure else MAYBE}{', and '.join(words)}", shares, sure)
+    return Attribution(f"{'' if sure else MAYBE}{', and '.join(words)}", shares, sure, len(mutants) > 1)
 
 
 def _percent(share: float) -> str:

@@ -7,6 +7,7 @@ import numpy as np
 
 from gsvc_conformance import spec
 from gsvc_conformance.diagnosis.failures import Array, Failure
+from gsvc_conformance.expectations import Exact
 from gsvc_conformance.mutants import Mutant, time_limit
 from gsvc_conformance.vector import Vector
 
@@ -25,14 +26,14 @@ SECONDS: Final = 2.0
 def is_cut(failure: Failure) -> bool:
     """Whether symbols were given, and more or fewer than there are."""
     given, expected = failure.outputs.get(SYMBOLS), failure.vector.expected.get(SYMBOLS)
-    if expected is None or not isinstance(given, np.ndarray) or given.shape[1:] != expected.value.shape[1:]:
+    if not isinstance(expected, Exact) or not isinstance(given, np.ndarray):
         return False
-    return len(given) != len(expected.value)
+    return given.shape[1:] == expected.value.shape[1:] and len(given) != len(expected.value)
 
 
 def same_symbols(failure: Failure, mutant: Mutant) -> bool:
     """Whether a mutant decodes what was given, from the first wrong symbol on until one of both ends."""
-    right, mine = failure.vector.expected[SYMBOLS].value, failure.outputs[SYMBOLS]
+    right, mine = np.asarray(failure.vector.expected[SYMBOLS].value), failure.outputs[SYMBOLS]
     theirs = _decoded(mutant, failure.vector)
     common = min(len(right), len(mine), len(theirs))
     if common < (1 - MOST_APART) * max(len(mine), len(theirs)):

@@ -142,11 +142,12 @@ class _Home:
     def _old_symbols(self, frame: int, turn: int) -> int:
         """The number of symbols of a pass about the splats of the frame before; 0 where it is not known."""
         if turn == MODES:
-            return self.old[frame]
+            return int(self.old[frame])
         cell = int(self.expected["bodies"][self.expected["bodies"][:, 0] == frame, 3][0])
         side = spec.SIDES[cell]
         return math.prod(-(-length // side) for length in self._size()) if side and turn < MODES else 0
 
     def _size(self) -> tuple[int, int]:
         names = [name for name, *_ in header_rows("main")]
-        return tuple(int(self.expected["header"][names.index(side)]) for side in ("width", "height"))
+        width, height = (int(self.expected["header"][names.index(side)]) for side in ("width", "height"))
+        return width, height

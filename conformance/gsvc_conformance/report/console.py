@@ -29,7 +29,7 @@ MAX_REASON: Final = 120
 """Maximum length of the reason of a waiver."""
 RARE: Final = 0.3
 """Minimum fraction of the examined failures of its operations that look like a probable cause."""
-HALF: Final = 0.5
+MANY: Final = 0.4
 """The same of a cause that is told without a hedge."""
 SOME: Final = 3
 """Minimum number of failures that look like a cause that is told, hedged, because there is no other."""
@@ -204,7 +204,7 @@ def _cause(sentence: str, results: Sequence[Result], report: Report, looked: Map
     counts = Counter(result.operation for result in results)
     examined = sum(looked[operation] for operation in counts)
     few = examined <= FEW
-    if len(results) < HALF * examined and not is_place(sentence) and not sentence.endswith(MEND):
+    if len(results) < MANY * examined and not is_place(sentence) and not sentence.endswith(MEND):
         sentence = f"{MAYBE}{sentence}"
     places = tuple(f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items())
     if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
