@@ -101,7 +101,7 @@ def frame_intervals_by_model(
 
 
 def _of_frames(stream: bytes, layer: int, interval: Callable[[int, Values], Any]) -> dict[str, Expectation]:
-    """The intervals of all frames from the number and the inputs of each; equal splats have that of the frame before."""
+    """The intervals of all frames, from the number and the inputs of each; equal splats repeat the one before."""
     from gsvc_ref.stream import StreamReader
 
     reader = StreamReader(stream, layer=layer)
