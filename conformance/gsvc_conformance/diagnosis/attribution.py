@@ -39,7 +39,10 @@ HALVED: Final = 0.5
 """One more mutant is named if it leaves at most this fraction of the error that was left."""
 
 OPEN: Final = 0.25
-"""Fraction of the vectors in which an error must be left before one more mutant is tried."""
+"""Fraction of the failures that nothing else accounts for before this is tried."""
+
+STILL: Final = 0.25
+"""Fraction of the vectors, for each mutant that is named, in which an error must be left before one more is tried."""
 
 MOST_TOGETHER: Final = 3
 """Maximum number of mutants that are named together."""
@@ -55,6 +58,9 @@ MIN_WRONG: Final = 20
 
 FOUND: Final = 0.5
 """Share in one vector of mutants that are told of it."""
+
+NOISE: Final = 1e-12
+"""A fraction of the squared error that arithmetic in binary32 leaves."""
 
 MOST_COLUMNS: Final = 16
 """Maximum length of a last axis of columns, or channels, each of which is right or wrong for itself."""
@@ -129,14 +135,14 @@ def attributed(failures: Sequence[Failure]) -> Attribution | None:
     if sum(one.wrong for one in measured) < MIN_WRONG:
         return None
     mutants = list(dict.fromkeys(mutant for one in measured for mutant in one.mutants))
-    kept = [[mutant] for mutant in _best(mutants, measured) if _left(mutant, measured) <= 1 - FIRST]
+    kept = [[mutant] for mutant in _best(mutants, measured) if _explains(mutant, measured)]
     if not kept:
         return None
     ordered = sorted(measured, key=lambda one: one.cost)
     best, small = kept[0], [one for one in ordered if one.cost <= MOST_WORK][:MOST_VECTORS] or ordered[:1]
     while len(best) < MOST_TOGETHER:
         still = [one for one in small if one.left(together(best)) > 0]
-        if len(still) < OPEN * len(small):
+        if len(still) < STILL * len(best) * len(small):
             break
         more = [[*some, mutant] for some in kept for mutant in mutants if mutant not in some and _fit(*some, mutant)]
         ranked = {together(some): some for some in more}
@@ -168,6 +174,12 @@ def _best(mutants: Iterable[Mutant], measured: Sequence[_Measured]) -> list[Muta
     """The few mutants that leave least, the best first: in the middle, and then on average."""
     left = {mutant: [one.left(mutant) for one in measured] for mutant in mutants}
     return sorted(left, key=lambda m: (float(np.median(left[m])), float(np.mean(left[m])), m.name))[:MOST_FIRST]
+
+
+def _explains(mutant: Mutant, measured: Sequence[_Measured]) -> bool:
+    """Whether a mutant removes a part of the error in most vectors, or most of it in some."""
+    some = sum(one.left(mutant) <= 1 - FOUND for one in measured)
+    return _left(mutant, measured) <= 1 - FIRST or some >= OPEN * len(measured)
 
 
 def _left(mutant: Mutant, measured: Sequence[_Measured]) -> float:
@@ -208,7 +220,8 @@ def _left_of_part(part: Part, theirs: Values) -> float:
         before, after = (_error(part, (part.mine - array)[finite]) for array in (part.right, other))
     if not before > 0:
         return 1.0
-    return min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
+    left = min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
+    return left if left > NOISE else 0.0
 
 
 def _spoils(part: Part, theirs: F8) -> bool:
