@@ -38,7 +38,7 @@ MOST_FIRST: Final = 3
 HALVED: Final = 0.5
 """One more mutant is named if it leaves at most this fraction of the error that was left."""
 
-OPEN: Final = 0.25
+OPEN: Final = 0.15
 """Fraction of the failures that nothing else accounts for before this is tried."""
 
 STILL: Final = 0.25
@@ -47,7 +47,7 @@ STILL: Final = 0.25
 MOST_TOGETHER: Final = 3
 """Maximum number of mutants that are named together."""
 
-MOST_VECTORS: Final = 6
+MOST_VECTORS: Final = 8
 """Number of vectors, the smallest ones, on which several mutants are tried together."""
 
 MOST_WORK: Final = 40_000
