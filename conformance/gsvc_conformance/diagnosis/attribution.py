@@ -14,8 +14,8 @@ import numpy as np
 from gsvc_conformance.diagnosis.catalogue import MAYBE, answer_of, both, mutants_for
 from gsvc_conformance.diagnosis.failures import F8, Failure, Part, count, parts, wrong_outputs
 from gsvc_conformance.expectations import Interval
-from gsvc_conformance.mutants import Mutant
-from gsvc_conformance.operation import Values, input_size
+from gsvc_conformance.mutants import MUTANTS, Mutant
+from gsvc_conformance.operation import Values
 
 SURE: Final = 0.9
 """Minimum share of several mutants that are named without a hedge: each removes most of what the others leave."""
@@ -38,14 +38,20 @@ MOST_FIRST: Final = 3
 HALVED: Final = 0.5
 """One more mutant is named if it leaves at most this fraction of the error that was left."""
 
-OPEN: Final = 0.25
-"""Fraction of the vectors in which an error must be left before one more mutant is tried."""
+OPEN: Final = 0.15
+"""Fraction of the failures that nothing else accounts for before this is tried."""
+
+STILL: Final = 0.25
+"""Fraction of the vectors, for each mutant that is named, in which an error must be left before one more is tried."""
 
 MOST_TOGETHER: Final = 3
 """Maximum number of mutants that are named together."""
 
 MOST_VECTORS: Final = 8
-"""Number of vectors, those of the smallest inputs, on which several mutants are tried together."""
+"""Number of vectors, the smallest ones, on which several mutants are tried together."""
+
+MOST_WORK: Final = 40_000
+"""Items of inputs times elements of outputs; on vectors with more, several mutants would take seconds."""
 
 MIN_WRONG: Final = 20
 """Minimum number of wrong elements: fewer agree with one of many mutants by chance."""
@@ -53,11 +59,17 @@ MIN_WRONG: Final = 20
 FOUND: Final = 0.5
 """Share in one vector of mutants that are told of it."""
 
+NOISE: Final = 1e-12
+"""A fraction of the squared error that arithmetic in binary32 leaves."""
+
 MOST_COLUMNS: Final = 16
 """Maximum length of a last axis of columns, or channels, each of which is right or wrong for itself."""
 
 MOST_LEFT: Final = 2.0
 """What is left counts for no more than this: also where a mutant crashes, or gives no number."""
+
+
+CATALOGUE: Final = frozenset(MUTANTS)
 
 
 @dataclass(frozen=True)
@@ -94,11 +106,16 @@ class _Measured:
         self.vector, self.parts = failure.vector, parts(failure)
         self.whole = len(self.parts) == len(wrong_outputs(failure.vector, failure.outputs)) > 0
         self.wrong = sum(count(failure.vector.expected[part.name], part.given) for part in self.parts)
-        self.cost = input_size(failure.vector.inputs) + sum(part.right.size for part in self.parts)
+        arrays = [value for value in failure.vector.inputs.values() if isinstance(value, np.ndarray) and value.ndim]
+        items = max(map(len, arrays), default=1)
+        self.cost = items * sum(part.right.size for part in self.parts)
+        self.mutants = mutants_for(failure.vector)
         self._left: dict[Mutant, float] = {}
 
     def left(self, mutant: Mutant) -> float:
         """The fraction of the error that is left beside a mutant: 0 if it gives all, 1 if it explains nothing."""
+        if mutant in CATALOGUE and mutant not in self.mutants:  # it gives what is right
+            return 1.0
         if mutant not in self._left:
             self._left[mutant] = self._beside(answer_of(mutant, self.vector))
         return self._left[mutant]
@@ -117,14 +134,15 @@ def attributed(failures: Sequence[Failure]) -> Attribution | None:
     measured = [one for one in map(_Measured, failures) if one.whole]
     if sum(one.wrong for one in measured) < MIN_WRONG:
         return None
-    mutants = list(dict.fromkeys(mutant for one in measured for mutant in mutants_for(one.vector)))
-    kept = [[mutant] for mutant in _best(mutants, measured) if _left(mutant, measured) <= 1 - FIRST]
+    mutants = list(dict.fromkeys(mutant for one in measured for mutant in one.mutants))
+    kept = [[mutant] for mutant in _best(mutants, measured) if _explains(mutant, measured)]
     if not kept:
         return None
-    best, small = kept[0], sorted(measured, key=lambda one: one.cost)[:MOST_VECTORS]
+    ordered = sorted(measured, key=lambda one: one.cost)
+    best, small = kept[0], [one for one in ordered if one.cost <= MOST_WORK][:MOST_VECTORS] or ordered[:1]
     while len(best) < MOST_TOGETHER:
         still = [one for one in small if one.left(together(best)) > 0]
-        if len(still) < OPEN * len(small):
+        if len(still) < STILL * len(best) * len(small):
             break
         more = [[*some, mutant] for some in kept for mutant in mutants if mutant not in some and _fit(*some, mutant)]
         ranked = {together(some): some for some in more}
@@ -156,6 +174,12 @@ def _best(mutants: Iterable[Mutant], measured: Sequence[_Measured]) -> list[Muta
     """The few mutants that leave least, the best first: in the middle, and then on average."""
     left = {mutant: [one.left(mutant) for one in measured] for mutant in mutants}
     return sorted(left, key=lambda m: (float(np.median(left[m])), float(np.mean(left[m])), m.name))[:MOST_FIRST]
+
+
+def _explains(mutant: Mutant, measured: Sequence[_Measured]) -> bool:
+    """Whether a mutant removes a part of the error in most vectors, or most of it in some."""
+    some = sum(one.left(mutant) <= 1 - FOUND for one in measured)
+    return _left(mutant, measured) <= 1 - FIRST or some >= OPEN * len(measured)
 
 
 def _left(mutant: Mutant, measured: Sequence[_Measured]) -> float:
@@ -196,7 +220,8 @@ def _left_of_part(part: Part, theirs: Values) -> float:
         before, after = (_error(part, (part.mine - array)[finite]) for array in (part.right, other))
     if not before > 0:
         return 1.0
-    return min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
+    left = min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
+    return left if left > NOISE else 0.0
 
 
 def _spoils(part: Part, theirs: F8) -> bool:
