@@ -255,6 +255,7 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 16384 together",
         (Plan("I", 2), Plan("P", 3, kind="likely")),
         complete=2,
+        long=True,
     ),
     "splats_that_are_carried": FaultyLayer(
         (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),),
@@ -263,14 +264,6 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 16384 together",
         (Plan("I", 2), Plan("P", 3, kind="likely")),
         complete=1,
-    ),
-    "splats_that_are_repeated": FaultyLayer(
-        (LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)), LayerPlan(1, 1, Plan("R"))),
-        "R-5-2",
-        "a base of 2 splats grows by 3, and R keeps a layer of 16380",
-        "level 1 allows 16384 together",
-        (Plan("I", 2), Plan("P", 3, kind="likely")),
-        complete=2,
     ),
     "work": FaultyLayer(
         (LayerPlan(0, 1, covering(113)), LayerPlan(0, 2, covering(100))),
