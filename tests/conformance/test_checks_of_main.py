@@ -192,9 +192,6 @@ def test_a_limit_of_lanes(level: int) -> None:
 
 AT_A_MEGABYTE: Final = {("read_chunk", "R-5-9"), ("read_wanted_layer", "R-5-9")}
 """What tells these is a legal frame, or layer, of as many bytes of splats as level 1 allows."""
-FULL_OF_WORDS: Final = {("__init__", "R-15.6-5")}
-"""What tells this is a run whose first groups of lanes take all words, with no raw bit behind them."""
-
 
 @cache
 def legal() -> list[Vector]:
@@ -213,5 +210,5 @@ def test_an_inequality(reader: Reader, check: Check, number: int) -> None:
     reader.one_off = check.line, number
     wrong = loses(reader, check.rules) or any(not is_right(reader, one) for one in legal())
     reader.one_off = None
-    untold = {(check.function, rule) for rule in check.rules} & (AT_A_MEGABYTE | FULL_OF_WORDS)
+    untold = {(check.function, rule) for rule in check.rules} & AT_A_MEGABYTE
     assert bool(wrong) != bool(untold), check.rules

@@ -84,7 +84,7 @@ REPORTED = (
     reported("R-frames forget the past", r"(?i)R-frame|repeat|past.*(\b0\b|zero|forg|kept)", r"(?i)repeat|main_past|past_of|R-frame|mode_contexts|modes",
         ('    frame["state"] = state.main.splats\n', '    if frame_type == "R":\n        state.main.past = np.zeros_like(state.main.past)\n    frame["state"] = state.main.splats\n')),
     reported("second halves in front", r"(?i)order of (the )?halves|second half.*(front|first|before)|halves exchanged", r"(?i)halv|cells?\b|\bX, Y\b",
-        ("            both += [(origin, k), (tuple(other), n - k)]\n", "            both += [(tuple(other), n - k), (origin, k)]\n")),
+        ("        both += [(origin, k), (tuple(other), n - k)]\n", "            both += [(tuple(other), n - k), (origin, k)]\n")),
     reported("one entry of EXP2 one larger", r"EXP2|(?i:table).*771|1 entr", r"EXP2|state_parameters|771",
         (spec.SLOW, repr([value + (number == 771) for number, value in enumerate(spec.namespace()["EXP2"].tolist())]))),
 )  # fmt: skip
