@@ -62,8 +62,8 @@ def main_ancillary_chunks() -> Inputs:
 
 @on("core", *READ, flags=["unknown"], rules=["R-6.2-5", "R-6.2-6", "R-6.2-8"])
 def main_every_ancillary_type() -> Inputs:
-    """All lower-case letters but x; the private ones begin with a UUID."""
-    letters = [bytes([c]) for c in range(ord("a"), ord("z") + 1) if c != ord("x")]
+    """All lower-case letters but n and x; the private ones begin with a UUID."""
+    letters = [bytes([c]) for c in range(ord("a"), ord("z") + 1) if c not in b"nx"]
     extra = [(letter, UUID + letter if letter in b"pqrs" else letter) for letter in letters]
     expected = yield {"stream": MAIN.edited(lambda c: [*c[:2], *extra, *c[2:]])}
     assert result(expected, "counts").tolist() == [1] * 3

@@ -97,7 +97,7 @@ def some_reports() -> list[bytes]:
         Result(
             f"core/{operation}/{outcome}", "A title.", group, outcome, "a message",
             outputs if outcome == "fail" else (), ("a cause",) if outcome == "fail" else (), "a log", 0.25,
-            table if outcome == "fail" else None, 77, 2,
+            table if outcome == "fail" else None, 77, False, 2,
             "level 2" if outcome == "unsupported" else "", profile,
         )
         for outcome in outcomes
