@@ -17,8 +17,8 @@ ROOT = VECTORS.parent
 WEB = "conformance/gsvc_conformance/adapters/web"
 SOME = [
     "decode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter", "parameter_checksum",
-    "rendering_work", "to_frame", "render_frame", "codes_of_classes", "cells_of_halves", "field_vectors", "splat_classes",
-    "main_intra", "motion_of_splats", "main_inter", "state_parameters", "main_work",
+    "rendering_work", "to_frame", "render_frame", "codes_of_classes", "cells_of_halves", "field_vectors",
+    "splat_classes", "main_intra", "motion_of_splats", "main_inter", "state_parameters", "main_work",
 ]  # fmt: skip
 CHECK = "async ([url, only]) => GSVC.selfCheck(await GSVC.vectorsAt(url), { only })"
 

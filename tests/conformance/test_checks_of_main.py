@@ -193,6 +193,7 @@ def test_a_limit_of_lanes(level: int) -> None:
 AT_A_MEGABYTE: Final = {("read_chunk", "R-5-9"), ("read_wanted_layer", "R-5-9")}
 """What tells these is a legal frame, or layer, of as many bytes of splats as level 1 allows."""
 
+
 @cache
 def legal() -> list[Vector]:
     """The legal streams of `main` with some kilobytes at most, the short ones first."""

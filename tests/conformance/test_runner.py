@@ -176,7 +176,7 @@ def test_one_missing_vector_of_any_tier_makes_a_class_incomplete(folder):
         report = judge(folder, module(paint=paint))
         assert verdicts(report)["rendering"] == "incomplete"
         reason = next(group.reason for group in report.groups() if group.name == "rendering")
-        assert "without part of paint (1 vector)" in reason
+        assert "without part of paint (1 vector: " in reason
         assert not report.passed
 
 

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 KEPT = Path(__file__).with_name("digests.sha256")
-KILLS_STEP = 10  # one in so many vectors that are not large is made again with what it kills
+KILLS_STEP = 20  # one in so many vectors that are not large is made again with what it kills
 
 
 def hashed(parts: Iterator[bytes]) -> str:
@@ -45,7 +45,7 @@ def vectors() -> str:
     return hashed(iter([sums_of({**made, **generate.kept(VECTORS, made)})]))
 
 
-def some_names(step: int = 5) -> list[str]:
+def some_names(step: int = 7) -> list[str]:
     """One in `step` vectors that are not large: the large ones take two thirds of the time of all."""
     from gsvc_conformance.case import TIERS, cases
     from gsvc_conformance.cases import CAPACITY

@@ -14,7 +14,9 @@ UNPICKLING = {"pickle", "marshal", "shelve", "dill", "cloudpickle", "joblib"}
 NETWORK = {"socket", "ssl", "http", "urllib", "ftplib", "smtplib", "xmlrpc", "socketserver", "asyncio", "requests"}
 EVALUATING = {"eval", "exec", "compile", "__import__"}
 
-MAY_EVALUATE = {ROOT / "gsvc_base" / "spec.py", ROOT / "conformance" / "gsvc_conformance" / "spec.py"}
+KIT = ROOT / "conformance" / "gsvc_conformance"
+
+MAY_EVALUATE = {ROOT / "gsvc_base" / "spec.py", KIT / "spec.py", KIT / "code_coverage.py"}
 """They run the code blocks of spec.md, a file of this project."""
 
 MAY_UNPICKLE = {
@@ -27,7 +29,7 @@ MAY_UNPICKLE = {
 MAY_SERVE = {ROOT / "gsvc_tools" / "viewing" / "server.py"}
 """It gives the viewer to a browser of this machine, on the loopback interface alone."""
 
-MAY_WAIT = {ROOT / "conformance" / "gsvc_conformance" / "adapters" / "web" / "browser.py"}
+MAY_WAIT = {KIT / "adapters" / "web" / "browser.py"}
 """It drives a browser of this machine through pipes, in an event loop."""
 
 

@@ -1,5 +1,6 @@
 """Faults of limits: splats and rendering work of a frame beyond those of the level, in `main` of every one."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
@@ -109,7 +110,7 @@ def main_limits() -> Iterator[Broken]:
                      MAIN.overview)  # fmt: skip
     for level, limits in LEVELS.items():
         allowed = partial("level {} allows {}".format, level)
-        side = int(limits.pixels**0.5)
+        side = math.isqrt(limits.pixels)
         if level in (2, 3, 4):
             yield Broken("R-5-1", "limit", f"pixels_of_level_{level}", f"a frame has {side}x{side + 1} pixels",
                          allowed(limits.pixels), partial(MAIN.overview, Lie("width", side), Lie("height", side + 1),

@@ -7,6 +7,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from gsvc_base import spec
 from gsvc_base.draws import Draws
 from gsvc_conformance.cases.faults import Broken
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
@@ -189,6 +190,8 @@ def main_faults() -> Iterator[Broken]:
                  partial(streams, PLANS, Lie("word", []), Lie("raw_byte", b"")), 0, ("R-15.6-2",))  # fmt: skip
     yield Broken("R-7-1", "malformed", "late_lane_of_17_bits", "lane 10 ends at 2^17 or more, with late bits",
                  "it must be below", _late_lane, 1, ("R-15.6-2",))  # fmt: skip
+    yield Broken("R-6.6-5", kind_of("R-6.6-5"), "low_second_lane", "the state of the second lane is below 2^16",
+                 "a word fewer and a state above it say the same", _low_lane)  # fmt: skip
     yield Broken("R-15.5-2", kind_of("R-15.5-2"), "field_behind_nothing",
                  "a P-frame after a frame without splats has a motion field", "there is nothing that moves",
                  partial(streams, EMPTY, Lie("motion_cell", 3, 1)), 1)  # fmt: skip
@@ -225,6 +228,30 @@ def _late_lane() -> bytes:
         return [*states[:10], states[10] + 2**16, *states[11:]]
 
     return write_stream(header, [intra, inter], index=False, lies=[Lie("lane_state", higher, 1)])
+
+
+def _low_lane() -> bytes:
+    """The second lane begins as if it had to take a word after its first symbol, and that word is there."""
+    (intra,) = codes_of(MAIN_HEADER, [Plan("I", 9, lane_exponent=1)], Draws(15))
+    written: dict[str, list[int]] = {}
+
+    def noted(name: str) -> Lie:
+        return Lie(name, lambda values: written.setdefault(name, [int(value) for value in values]))
+
+    sound = write_stream(MAIN_HEADER, [intra], index=False, lies=[noted("lane_state"), noted("word")])
+    (x, other), words = written["lane_state"], written["word"]
+    place = 0  # of the next word
+    for start, frequency, _, lane in spec.read_main_stream(sound)["symbols"].tolist():
+        if lane == 1:
+            break
+        x = frequency * (x >> 14) + x % 2**14 - start
+        if x < 2**16:
+            x, place = x << 16 | words[place], place + 1
+    after = frequency * (other >> 14) + other % 2**14 - start
+    low = (after >> 16) // frequency << 14
+    states = [written["lane_state"][0], low + (after >> 16) % frequency + start]
+    words = [*words[:place], after % 2**16, *words[place:]]
+    return write_stream(MAIN_HEADER, [intra], index=False, lies=[Lie("lane_state", states), Lie("word", words)])
 
 
 def _truncations() -> Iterator[Broken]:

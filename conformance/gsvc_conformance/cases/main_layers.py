@@ -330,6 +330,20 @@ def a_layer_is_missing() -> Inputs:
         assert result(expected, "counts")[0] == spec.reconstruct_stream(stream)["counts"][0] + 12
 
 
+@on("core", *QUALITY, flags=["kept"], each={"1": 1, "2": 2})
+def an_i_frame_of_a_layer_sets_its_models_back(value: int) -> Inputs:
+    """I, P, I and P of a layer, with any symbols, of which the base has I and three P; the quality is {key}."""
+    p = Plan("P", 2, 30, 1, 3, kind="any", own=False)
+    layers = [
+        LayerPlan(n, layer, Plan("I", 20, 16) if n in (0, 2) else replace(p, motion_cell=layer))
+        for n in range(4)
+        for layer in (1, 2)
+    ]
+    stream = with_layers(Draws(44), (Plan("I", 20), p, p, p), layers, width=150, height=70)
+    expected = yield {"stream": stream, "layer": value}
+    check_sound(expected)
+
+
 @on("core", *QUALITY, flags=["prediction", "kept"])
 def layers_have_models_of_their_own() -> Inputs:
     """P-frames of two layers, any symbols: models, densities, fields and lanes of each layer and of the base."""
