@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from gsvc_base.arrays import F4, F8, I8
 from gsvc_base.checks import door
+from gsvc_base.errors import UsageError
 from gsvc_ref.training.adan import Adan, AdanSettings
 from gsvc_ref.training.convergence import Convergence
 from gsvc_ref.training.schedule import StepDecay
@@ -95,11 +96,18 @@ def adan_step(
     UsageError
         A shape does not fit, a number is out of its range, or a gradient is NaN or too large.
     """
-    moved, new_m, new_v, new_n, new_previous = (
-        np.array(part, np.float32, order="C") for part in (parameters, m, v, n, previous)
-    )
-    adan = Adan(0, moved.shape[1], AdanSettings(beta1, beta2, beta3, epsilon))
-    adan = adan.with_state(new_m, new_v, new_n, new_previous, np.array(steps, np.int64))
+    moved = np.array(parameters, np.float32, order="C")
+    if moved.ndim != 2:
+        raise UsageError(f"parameters has shape {moved.shape}; it must be (N, P)")
+    given = {"m": m, "v": v, "n": n, "previous": previous}
+    state = {name: np.array(part, np.float32, order="C") for name, part in given.items()}
+    taken = np.array(steps, np.int64)
+    for name, part in state.items():
+        if part.shape != moved.shape:
+            raise UsageError(f"{name} has shape {part.shape}; it must be that of parameters, {moved.shape}")
+    if taken.shape != moved.shape[:1]:
+        raise UsageError(f"steps has shape {taken.shape}; it must be {moved.shape[:1]}, one for each row")
+    adan = Adan(0, moved.shape[1], AdanSettings(beta1, beta2, beta3, epsilon)).with_state(**state, steps=taken)
     adan.step(moved, np.asarray(gradients, np.float32), rates, units=units)
     return AdanStep(moved, *adan.state)
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gsvc_base.errors import UsageError
+from gsvc_ref import adan_step
 from gsvc_ref.training import Adan, AdanSettings, adan
 from gsvc_ref.training.adan import adan_step_plain
 from gsvc_ref.training.pruning import compact
@@ -230,3 +231,15 @@ def test_settings_out_of_range_are_refused(wrong: tuple[float, ...]) -> None:
 def test_sizes_out_of_range_are_refused(rows: int, columns: int) -> None:
     with pytest.raises(UsageError, match="at least 0 rows"):
         Adan(rows, columns)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"parameters": np.zeros(3)}, {"m": 0}, {"v": None}, {"n": np.zeros((2, 8))}, {"previous": 0}, {"steps": [0]}],
+)
+def test_the_operation_refuses_a_state_of_another_shape(wrong):
+    """The kernel would write beyond the ends of arrays that are too small."""
+    rows = np.zeros((3, 8))
+    state = {"parameters": rows, "gradients": rows, "m": rows, "v": rows, "n": rows, "previous": rows, "steps": [0] * 3}
+    with pytest.raises(UsageError, match=f"{next(iter(wrong))} has shape"):
+        adan_step(**{**state, **wrong}, rates=1, units=1, beta1=0.98, beta2=0.92, beta3=0.99, epsilon=1e-8)
