@@ -120,6 +120,10 @@ class _Measured:
             self._left[mutant] = self._beside(answer_of(mutant, self.vector))
         return self._left[mutant]
 
+    def black(self) -> float:
+        """The fraction of the error that is left beside an output of zeros."""
+        return float(np.mean([_left_of_part(part, {part.name: np.zeros(part.right.shape)}) for part in self.parts]))
+
     def _beside(self, theirs: Values | None) -> float:
         if theirs is None:
             return MOST_LEFT
@@ -133,6 +137,8 @@ def attributed(failures: Sequence[Failure]) -> Attribution | None:
     """The mutants that remove most of the error of the failures of one operation; None if none removes enough."""
     measured = [one for one in map(_Measured, failures) if one.whole]
     if sum(one.wrong for one in measured) < MIN_WRONG:
+        return None
+    if np.median([one.black() for one in measured]) <= 1 - SURE:  # whatever draws nothing would do
         return None
     mutants = list(dict.fromkeys(mutant for one in measured for mutant in one.mutants))
     kept = [[mutant] for mutant in _best(mutants, measured) if _explains(mutant, measured)]

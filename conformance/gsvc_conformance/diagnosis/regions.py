@@ -22,6 +22,9 @@ PERIODS: Final = (2, 3, 4, 8, 16, 32, 64, 128, 256)
 TILES: Final = (16, 8, 32)
 """Usual sides of tiles of pixels."""
 
+TILED: Final = ("rendering", "deterministic", "training")
+"""Classes of pictures that are made of splats, tile by tile."""
+
 MIN_BLOCK: Final = 32
 """Multiples of this number are named as such."""
 
@@ -89,7 +92,8 @@ def axes(part: Part) -> list[Axis]:
     if y > 0:
         return [_axis("frames", lambda s, g: g[0]), *found]
     found.append(_axis("pixels, row after row,", lambda s, g: g[y] * s[x] + g[x]))
-    return found + [_axis(f"tiles of {side}x{side}", _in_tiles(side, y, x)) for side in TILES]
+    sides = TILES if part.operation.group in TILED else ()
+    return found + [_axis(f"tiles of {side}x{side}", _in_tiles(side, y, x)) for side in sides]
 
 
 def _in_tiles(side: int, y: int, x: int) -> Callable[[Shape, Grid], Array]:

@@ -31,6 +31,18 @@ MUTANTS: tuple[Mutant, ...] = (
             ("conic-off-diagonal-doubled", "the conic's off-diagonal entry counted twice", 2.0))
     ),
     mutant(
+        AREA, "scales-halved", "the gradient of L by way of scales and an angle, with half the gradients of the scales",
+        ("of_l11 = np.sum(q * v1 * u1)",
+         "angle = math.atan2(2 * l11 * l21, l11 * l11 - l21 * l21 - l22 * l22) / 2\n"
+         "    cos, sin = math.cos(angle), math.sin(angle)\n"
+         "    long, wide = (np.sum(q * along * along) / 2 for along in (cos * v1 + sin * v2, cos * v2 - sin * v1))\n"
+         "    of_l11 = np.sum(q * v1 * u1) - long * cos * (cos * l11 + sin * l21) + wide * sin * (cos * l21 - sin * l11)"),
+        ("of_l21 = np.sum(q * v2 * u1)",
+         "of_l21 = np.sum(q * v2 * u1) - long * sin * (cos * l11 + sin * l21) - wide * cos * (cos * l21 - sin * l11)"),
+        ("of_l22 = np.sum(q * v2 * u2)",
+         "of_l22 = np.sum(q * v2 * u2) - (long * sin * sin + wide * cos * cos) * l22"),
+    ),
+    mutant(
         AREA, "off-diagonal-halved",
         "the gradient of L by way of the covariance, with half the gradient of its off-diagonal entry",
         ("of_l11 = np.sum(q * v1 * u1)", "of_l11 = np.sum(q * (v1 * u1 - l21 * v1 * v2 / 2))"),

@@ -20,7 +20,7 @@ LOSS: tuple[Mutant, ...] = (
     mutant(AREA, "residual-stopped-by-clamp", "a residual of zero where the picture is clamped",
         ("residual = 2 * difference / pixels",
          "residual = np.where((picture > 0) & (picture < 1), 2 * difference / pixels, 0)")),
-    mutant(AREA, "residual-of-autograd", "a residual of zero where the picture is clamped, but for 0 and 1 themselves (automatic differentiation)",
+    mutant(AREA, "residual-of-autograd", "a residual of zero where the picture is clamped, but not at 0 and 1 themselves, as autograd of a clamp gives",
         ("residual = 2 * difference / pixels",
          "residual = np.where((picture >= 0) & (picture <= 1), 2 * difference / pixels, 0)")),
     mutant(AREA, "residual-sign", "target minus picture as the residual",

@@ -190,6 +190,7 @@ def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> 
     explained: set[str] = set()
     causes: list[Cause] = []
     ranked = sorted(like.items(), key=_by_weight)
+    ranked.sort(key=lambda entry: is_place(entry[0]) and _few(entry[1], looked))
     for sentence, results in ranked:
         if not _rare(results, looked) and not explained.issuperset(result.id for result in results):
             explained.update(result.id for result in results)
@@ -204,12 +205,17 @@ def _cause(sentence: str, results: Sequence[Result], report: Report, looked: Map
     counts = Counter(result.operation for result in results)
     examined = sum(looked[operation] for operation in counts)
     few = examined <= FEW
-    if len(results) < MANY * examined and not is_place(sentence) and not sentence.endswith(MEND):
+    if _few(results, looked) and not is_place(sentence) and not sentence.endswith(MEND):
         sentence = f"{MAYBE}{sentence}"
     places = tuple(f"{operation}: {count} of {looked[operation]} examined" for operation, count in counts.items())
     if few and not report.whole and sum(result.operation in counts for result in report.results) <= FEW:
         places = (*places[:-1], f"{places[-1]}; {SURE}")
     return Cause(sentence, tuple(results), places, only_where=few and is_place(sentence))
+
+
+def _few(results: Sequence[Result], looked: Mapping[str, int]) -> bool:
+    """Whether few of the examined failures of their operations look like a cause."""
+    return len(results) < MANY * sum(looked[name] for name in {result.operation for result in results})
 
 
 def examined_of(results: Iterable[Result]) -> Counter[str]:
