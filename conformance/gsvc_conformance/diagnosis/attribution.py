@@ -59,6 +59,9 @@ MIN_WRONG: Final = 20
 FOUND: Final = 0.5
 """Share in one vector of mutants that are told of it."""
 
+BLACK: Final = 1e-3
+"""Share of the error that zeros leave of an output in which there is as good as nothing."""
+
 NOISE: Final = 1e-12
 """A fraction of the squared error that arithmetic in binary32 leaves."""
 
@@ -138,7 +141,7 @@ def attributed(failures: Sequence[Failure]) -> Attribution | None:
     measured = [one for one in map(_Measured, failures) if one.whole]
     if sum(one.wrong for one in measured) < MIN_WRONG:
         return None
-    if np.median([one.black() for one in measured]) <= 1 - SURE:  # whatever draws nothing would do
+    if np.median([one.black() for one in measured]) <= BLACK:  # whatever draws nothing would do
         return None
     mutants = list(dict.fromkeys(mutant for one in measured for mutant in one.mutants))
     kept = [[mutant] for mutant in _best(mutants, measured) if _explains(mutant, measured)]
