@@ -19,7 +19,9 @@ from gsvc_conformance.vector import Vector
 NOTHING: Final = np.zeros(0)
 READING: Final = {"paper": "read_stream", "main": "read_main_stream"}
 """The operations that list what a stream says, by profile, and so tell more of a fault than the splats that it has."""
-WHOLE_STREAMS: Final = ("reconstruct_stream", "reconstruct_layers", "decode_stream", "decode_stream_deterministic")
+WHOLE_STREAMS: Final = (
+    "reconstruct_stream", "reconstruct_layers", "decode_stream", "decode_stream_deterministic", "decode_layers", "seek",
+)  # fmt: skip
 MEND: Final = ": mend that first"
 """The end of sentences about wrong operations inside another one."""
 

@@ -192,3 +192,8 @@ def test_every_error_of_one_kind():
     assert {tuple(sentences) for sentences in told.values()} == {
         ("every error reported as of the kind invalid, whatever it is",)
     }
+
+
+def test_no_two_mutants_are_the_same():
+    """The report could not tell them apart, and would have to name both."""
+    assert len({frozenset(mutant.patches) for mutant in MUTANTS}) == len(MUTANTS)

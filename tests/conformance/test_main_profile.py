@@ -121,7 +121,7 @@ def test_claims_and_features_name_the_profile() -> None:
 
 
 PLANTED: Final = (
-    "exp2-one-number", "vectors-in-context-of-magnitudes", "past-not-compacted", "past-forgotten-where-repeated",
+    "exp2-one-number", "vector-contexts-of-magnitudes", "past-not-compacted", "past-forgotten-where-repeated",
     "position-shear-without-maximum", "window-below-512", "counts-divided-by-their-shifted-sum", "halves-low-bits-late",
     "densities-kept-over-i-frames", "layer-splats-alone-counted", "place-of-a-bit-at-least", "halves-first-below",
 )  # fmt: skip

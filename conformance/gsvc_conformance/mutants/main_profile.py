@@ -272,12 +272,10 @@ INTRA: tuple[Mutant, ...] = (
     mutant(AREA, "place-octave-to-zero", "the octave of sizes below a pixel rounded to zero where the place is found",
         ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
          "    logs = log_sizes(codes, j, sign)\n    return np.clip(np.sign(logs) * (abs(logs) >> 10) + 1 - j, -4, 2)\n")),
-    mutant(AREA, "place-steps-up-to-1", "g of places clipped to at most 1 in place of 2",
-        ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n", "    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 1)\n")),
     mutant(AREA, "place-without-class", "places that do not depend on the class",
         ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
          "    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - 0 * j, -4, 2)\n")),
-    mutant(AREA, "place-of-a-bit-at-least", "places that always have a bit",
+    mutant(AREA, "place-of-a-bit-at-least", "g of places clipped to at most 1 in place of 2, so that they always have a bit",
         ("    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 2)\n",
          "    return np.clip((log_sizes(codes, j, sign) >> 10) + 1 - j, -4, 1)\n")),
     mutant(AREA, "place-of-unclipped-size", "places of sizes that are not clipped first",
@@ -366,8 +364,6 @@ MOTION: tuple[Mutant, ...] = (
     mutant(AREA, "past-forgotten-where-repeated", "a past of 0 after an R-frame",
         ("    frame[\"state\"] = state.main.splats\n",
          "    else:\n        state.main.past = 0 * state.main.past\n    frame[\"state\"] = state.main.splats\n")),
-    mutant(AREA, "vectors-in-context-of-magnitudes", "contexts of V_y by the magnitude of V_x, not by its class",
-        ("        contexts = 1 + np.searchsorted([0, 2, 7], q)\n", "        contexts = 1 + np.searchsorted([0, 2, 7], magnitudes)\n")),
 )  # fmt: skip
 
 INTER: tuple[Mutant, ...] = (
