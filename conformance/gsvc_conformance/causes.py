@@ -134,14 +134,14 @@ class Causes:
 
     def _searched(self, operation: str, wrong: set[str]) -> dict[str, list[str]]:
         """The causes of an operation's failures by id, where the operations in `wrong` have failures, too."""
-        from gsvc_conformance.diagnosis import diagnose, examined, is_place, mutants_for
+        from gsvc_conformance.diagnosis import MAYBE, diagnose, examined, is_place, mutants_for
 
         failures = self._failures[operation]
         causes = diagnose(failures, self._passed[operation], self._errors[operation])
         seen = [failure.vector for failure in examined(failures)]
-        for vector in seen:
+        for vector in (*seen, *self._errors[operation]):
             first = mend_first(operation, wrong) or read_first(vector, wrong)
-            if first and all(map(is_place, causes.get(vector.id, ()))):
+            if first and all(is_place(cause) or cause.startswith(MAYBE) for cause in causes.get(vector.id, ())):
                 causes[vector.id] = [first]
         unexplained = [vector for vector in seen if not causes.get(vector.id)]
         tried = {mutant.name for vector in unexplained for mutant in mutants_for(vector)}

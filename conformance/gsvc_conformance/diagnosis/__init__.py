@@ -124,6 +124,8 @@ def diagnose(
         open_ones = [failure for failure in open_ones if failure.vector.id not in several.ids]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
     common = "" if several else common_condition([*(failure.vector for failure in wrong), *errors], passed)
+    if len(errors) > len(passed) and _reads_streams(errors[0]):  # whatever loses its place in a stream would do
+        alike = [f"{MAYBE}{sentence.removeprefix(MAYBE)}" for sentence in alike]
     said = {
         failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
         for failure in chosen
@@ -138,6 +140,10 @@ def _attribute(found: Attribution, looks: dict[str, Look], named: dict[str, list
         if (found.several and found.shares[name] == 1) or not (looks[name].strong or named.get(name)):
             weak = [] if found.sure else looks[name].weak[:1]
             looks[name].strong, named[name] = [], [found.sentence, *weak]
+
+
+def _reads_streams(vector: Vector) -> bool:
+    return any(port.type == "stream" for port in vector.operation.inputs)
 
 
 def _simplest(errors: Sequence[Vector]) -> str:
