@@ -1,6 +1,7 @@
 """Mistakes of decoders of profile `main`: 21 that an outside decoder in C++ was given, 30 made up later, and one without checks.
 
-Each `right` and `near` was written before the report on the fault was looked at.
+Each `right` and `near` was first written before the report on the fault was looked at; some were narrowed after the
+first count.
 """
 
 import re
