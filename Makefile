@@ -36,7 +36,7 @@ lowest: .venv-lowest/.ready-$(EXTRAS)            ## judge vectors and run tests 
 	.venv-lowest/bin/gsvc-conformance run --reference --quiet --show 3
 	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive' --versions
 
-vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (17 minutes on two cores, and two for setting up)
+vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (over half an hour on two cores)
 	$(BIN)/gsvc-conformance generate
 	$(BIN)/gsvc-conformance list --markdown conformance/protocol.md
 	$(BIN)/gsvc-conformance verify
