@@ -21,7 +21,7 @@ was made up later (`third`, held back). `peers.py` has public implementations (`
 
 import re
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Final, Literal, get_args
@@ -189,22 +189,21 @@ def _is_small(vector: Vector) -> bool:
     return sum(np.size(value) for value in values) <= MAX_ELEMENTS
 
 
-def judged(mutant: Planted) -> list[Judged]:
+def judged(mutant: Planted) -> Iterator[Judged]:
     """The fault, judged by the vectors of its operations in their order."""
     implementation = ModuleImplementation(mutant.name, mutant.functions())
-    with np.errstate(all="ignore"):
-        return [
-            judge_vector(implementation, vector)
-            for operation in mutant.operations
-            for vector in vectors_of(operation, mutant.profile, mutant.tier)
-        ]
+    for operation in mutant.operations:
+        for vector in vectors_of(operation, mutant.profile, mutant.tier):
+            with np.errstate(all="ignore"):
+                entry = judge_vector(implementation, vector)
+            yield entry
 
 
 def said(mutant: Planted) -> Said:
     """What the report says of a fault, and whether it is right."""
     causes, results = Causes(), []
     try:
-        entries = judged(mutant)
+        entries = list(judged(mutant))
     except UsageError as error:  # it cannot be imported: the message is all that the report says
         lines = (str(error),)
         return Said(mutant, "right" if re.search(mutant.right, lines[0]) else "wrong", lines)
