@@ -152,7 +152,7 @@ def test_a_time_that_is_used(folder, tmp_path, capsys, jobs):
     assert capsys.readouterr().out.endswith(f"; {left} vectors not asked\n")
     for other in (["--claim", "bitstream,paper,1"], ["--order", "1"]):
         assert run(folder, "--reference", "--seconds", "1", *other) == 2
-        assert "--seconds has an order of its own" in capsys.readouterr().err
+        assert "--seconds runs small vectors first" in capsys.readouterr().err
 
 
 def test_vectors_with_little_work_come_first():

@@ -1,4 +1,4 @@
-"""Faulty seeks: what a hop or the decoder meets on the way to the frames asked for (spec.md section 12.6)."""
+"""Faulty seeks: faults in the chunks that a decoder hops over and in the frames that it decodes (spec.md 12.6)."""
 
 from collections.abc import Callable
 from functools import partial

@@ -131,7 +131,7 @@ QUALITY: Final = ("reconstruct_layers", "decode_layers")
 
 
 def check_sound(expected: Mapping[str, Any]) -> None:
-    """There is no error; pictures show something."""
+    """The expected error is empty, and the pictures are not blank."""
     if "frames" in expected:
         assert result(expected, "frames").any()
     else:

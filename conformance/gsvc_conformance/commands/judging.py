@@ -179,7 +179,7 @@ def _plan(arguments: Namespace) -> _Plan:
         raise UsageError("--strict-waivers needs --waivers FILE")
     if arguments.seconds and (arguments.claim or arguments.order is not None):
         raise UsageError(
-            "--seconds has an order of its own, and leaves out vectors: it goes without --claim and --order"
+            "--seconds runs small vectors first and leaves others out; it cannot be combined with --claim or --order"
         )
     claim = read_claim(arguments.claim) if arguments.claim else None
     model = _model(arguments.model, claim)

@@ -124,7 +124,7 @@ def diagnose(
         open_ones = [failure for failure in open_ones if failure.vector.id not in several.ids]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
     common = "" if several else common_condition([*(failure.vector for failure in wrong), *errors], passed)
-    if len(errors) > len(passed) and _reads_streams(errors[0]):  # whatever loses its place in a stream would do
+    if len(errors) > len(passed) and _reads_streams(errors[0]):  # any mutant that desyncs ends so, too
         alike = [f"{MAYBE}{sentence.removeprefix(MAYBE)}" for sentence in alike]
     said = {
         failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)

@@ -86,7 +86,7 @@ class Attribution:
     shares
         The share in each vector by id.
     sure
-        Whether it is told without a hedge.
+        Whether the report states it as the cause; otherwise it says "could be".
     several
         Whether it is more than one mutant.
     """
@@ -141,7 +141,7 @@ def attributed(failures: Sequence[Failure]) -> Attribution | None:
     measured = [one for one in map(_Measured, failures) if one.whole]
     if sum(one.wrong for one in measured) < MIN_WRONG:
         return None
-    if np.median([one.black() for one in measured]) <= BLACK:  # whatever draws nothing would do
+    if np.median([one.black() for one in measured]) <= BLACK:  # any mutant that draws nothing explains that
         return None
     mutants = list(dict.fromkeys(mutant for one in measured for mutant in one.mutants))
     kept = [[mutant] for mutant in _best(mutants, measured) if _explains(mutant, measured)]
