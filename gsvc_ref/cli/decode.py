@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_base.cli.arguments import add_layer, add_max_level, frame_range, positive, whole
 from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say
+from gsvc_base.cli.parser import add_output
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import per_second, plural, show
 from gsvc_base.errors import GsvcError, UsageError
@@ -42,10 +43,9 @@ def add_command(commands: Any) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN.gsvc", help="the file to decode, or - for standard input")
-    parser.add_argument(
-        "output", metavar="OUT",
-        help="OUT.y4m; a folder, for PNG files; OUT.mp4, .mkv, .mov or .webm for a lossy copy to look at, .gif or "
-        ".webp for an animation; or - for y4m on standard output",
+    add_output(
+        parser, "OUT", "OUT.y4m; a folder, for PNG files; OUT.mp4, .mkv, .mov or .webm for a lossy copy to look at, "
+        ".gif or .webp for an animation; or - for y4m on standard output",
     )  # fmt: skip
     parser.add_argument(
         "--frames", type=frame_range, default=(0, None), metavar="A:B",
@@ -83,6 +83,8 @@ def add_command(commands: Any) -> None:
 def run(arguments: Namespace) -> int:
     """Decode; 0, 1 for a damaged stream, 130 when interrupted."""
     check_input(arguments.input)
+    if arguments.output is None:
+        raise UsageError("there is no output; give OUT.y4m, OUT.mp4, or a folder for PNG files (gsvc view shows IN)")
     check_output(arguments.output, arguments.input, folder_allowed=True)
     _check_sound(arguments)
     try:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, TextIO
 
 from gsvc_base.cli.arguments import add_force
 from gsvc_base.cli.errors import EXIT_DATA, EXIT_INTERRUPTED, say, what_was_saved
+from gsvc_base.cli.parser import add_output
 from gsvc_base.cli.progress import ProgressDisplay
 from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import UsageError
@@ -20,6 +21,7 @@ from gsvc_ref.cli.files import (
     check_input,
     check_output,
     check_stream_name,
+    default_output,
     describe_format,
     display_name,
     say_damage,
@@ -80,7 +82,10 @@ def add_command(commands: Any) -> ArgumentParser:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN", help="a video, a folder of PNG files, or - for y4m on standard input")
-    parser.add_argument("output", metavar="OUT.gsvc", nargs="?", help="the file to write, or - for standard output")
+    add_output(
+        parser, "OUT.gsvc", "the file to write, or - for standard output; default: IN with the suffix .gsvc, if that "
+        "file does not exist yet",
+    )  # fmt: skip
     add_options(parser)
     add_background(parser)
     add_force(parser)
@@ -103,9 +108,9 @@ def unless_interrupted(encode: Callable[[], int]) -> int:
 
 
 def check_names(arguments: Namespace) -> None:
-    """Refuse names of files that cannot be read or written."""
+    """Refuse names of files that cannot be read or written; an output without a name gets that of the input."""
     if arguments.output is None:
-        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc")
+        arguments.output = default_output(arguments.input)
     if arguments.json and arguments.output == STDIO:
         raise UsageError("--json needs standard output, which carries the stream: write to a file, or drop --json")
     check_input(arguments.input, folder_allowed=True)

@@ -1,6 +1,6 @@
 """The options of ``gsvc encode``, and the settings that they make."""
 
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from typing import TYPE_CHECKING, Final
 
 from gsvc_base.cli.arguments import (
@@ -56,7 +56,7 @@ def add_options(parser: ArgumentParser) -> None:
         help="this mean VMAF, as 93; the same way, with the extra bench",
     )  # fmt: skip
     rate.add_argument(
-        "--layers", type=numbers_of(finite), nargs="?", const=2, metavar="DB,DB,...",
+        "--layers", type=layer_goals, nargs="?", const=2, metavar="DB,DB,...",
         help="quality layers of profile main: without a value two, the base with half of the splats, about as good as "
         "one layer, for some 3 %% more bits at equal PSNR; or up to 4 by the PSNR with the base, with layer 1, ..., as "
         "30,34; gsvc decode --layer shows and gsvc cut --layer keeps the lower ones",
@@ -138,6 +138,17 @@ def add_options(parser: ArgumentParser) -> None:
     )  # fmt: skip
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def layer_goals(text: str) -> tuple[float, ...]:
+    """``30,34`` is (30.0, 34.0); a single number is more likely meant as the number of layers."""
+    goals = numbers_of(finite)(text)
+    if len(goals) == 1:
+        raise ArgumentTypeError(
+            f"{text!r} is one PSNR, and makes no layers; give one for each, such as 30,34, or for two layers --layers "
+            "alone"
+        )
+    return goals
 
 
 def make_settings(arguments: Namespace) -> "Settings":

@@ -107,6 +107,18 @@ def check_output(name: str, source: str, *, folder_allowed: bool = False) -> Non
         raise UsageError(f"{name} is the input itself; give the output another name")
 
 
+def default_output(source: str) -> str:
+    """The name of the stream that a source makes: beside it, or in the current folder for a built-in scene."""
+    if source == STDIO:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc")
+    by_prefix = None if Path(source).exists() else source_by_prefix(source)
+    path = Path(source.partition(":")[2] if by_prefix else source.rstrip(os.sep))
+    output = Path(f"{path}{STREAM_SUFFIX}") if path.is_dir() else path.with_suffix(STREAM_SUFFIX)
+    if output.exists():
+        raise UsageError(f"{output} exists already; to overwrite it, name it as the output")
+    return str(output)
+
+
 def check_stream_name(name: str, *, force: bool) -> None:
     """Refuse to write a stream under a name that says another format, unless that is wanted (R-1.1-1)."""
     suffix = Path(name).suffix.lower()

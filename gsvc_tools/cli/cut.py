@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_base.cli.arguments import add_force, frame_range, whole
 from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
+from gsvc_base.cli.parser import add_output
 from gsvc_base.cli.text import plural, print_json, show
 from gsvc_base.errors import UsageError
 from gsvc_ref.cli.files import STDIO, check_input, check_output, check_stream_name, display_name
@@ -27,7 +28,7 @@ def add_command(commands: Any) -> None:
     )
     parser.set_defaults(run=run)
     parser.add_argument("input", metavar="IN.gsvc", help="a .gsvc file, or - for standard input")
-    parser.add_argument("output", metavar="OUT.gsvc", help="the file to write, or - for standard output")
+    add_output(parser, "OUT.gsvc", "the file to write, or - for standard output")
     parser.add_argument(
         "--frames", type=frame_range, metavar="A:B",
         help="keep frames A to B-1 only; A must be an I-frame (gsvc info --frames-table lists them)",
@@ -45,6 +46,8 @@ def run(arguments: Namespace) -> int:
     if arguments.layer is None and arguments.frames is None:
         raise UsageError("say what stays: --frames A:B for some of the frames, --layer K for the lower quality layers")
     check_input(arguments.input)
+    if arguments.output is None:
+        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc")
     check_output(arguments.output, arguments.input)
     check_stream_name(arguments.output, force=arguments.force)
     from gsvc_ref._jit import SMALL_TO_COPY

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from gsvc_base.cli.arguments import frame_rate, scale
-from gsvc_base.errors import UsageError
 from gsvc_ref.cli import encode as plain
 from gsvc_ref.cli.encode_options import make_settings
 from gsvc_ref.cli.files import check_input, check_output, check_stream_name
@@ -48,8 +47,6 @@ def run(arguments: Namespace) -> int:
     """Encode, or estimate what that takes; 0, or 130 when it was interrupted."""
     if arguments.dry_run:
         return plain.unless_interrupted(lambda: _estimate(arguments))
-    if arguments.output is None:
-        raise UsageError("there is no output; give the name of a file to write, such as OUT.gsvc, or --dry-run")
     plain.check_names(arguments)
     check_page(arguments)
     return plain.unless_interrupted(lambda: _encode(arguments))

@@ -1,4 +1,5 @@
 from argparse import ArgumentTypeError
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -6,8 +7,8 @@ from hypothesis import strategies as st
 
 from gsvc_base.cli.arguments import finite, frame_range, key_frames, positive, size, whole
 from gsvc_base.errors import UsageError
-from gsvc_ref.cli import main
-from gsvc_ref.cli.files import check_stream_name
+from gsvc_ref.cli import build_parser, main
+from gsvc_ref.cli.files import check_stream_name, default_output
 
 numbers = st.integers(0, 10**9 - 1)
 
@@ -83,6 +84,11 @@ def test_numbers_and_sizes():
         (["info", "a", "--salvge"], "unknown argument --salvge (did you mean --salvage?)"),
         (["encode", "a", "b", "--zzz"], "unknown argument --zzz; see gsvc encode --help"),
         (["encode", "a", "b", "splats"], "unknown argument splats; see gsvc encode --help"),
+        (["encode", "a", "b", "--crf", "23"], "unknown argument --crf (did you mean --quality?)"),
+        (["encode", "a", "--layers", "2"], "'2' is one PSNR, and makes no layers"),
+        (["encode", "a", "b", "-o", "c"], "two names of the output: c and b"),
+        (["enc", "a", "b"], "there is no command 'enc' (did you mean encode?); see gsvc --help"),
+        (["convert", "a", "b"], "there is no command 'convert' (did you mean encode or decode?); see gsvc --help"),
         (["encod", "a", "b"], "there is no command 'encod' (did you mean encode?); see gsvc --help"),
         (["zzz"], "there is no command 'zzz'; see gsvc --help"),
         (["--versio"], "unknown argument --versio (did you mean --version?)"),
@@ -91,6 +97,41 @@ def test_numbers_and_sizes():
 def test_a_slip_of_the_pen_is_understood(arguments, said, capsys):
     assert main(arguments) == 2
     assert said in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["IN", "OUT", "--quality", "30"],
+        ["IN", "--quality", "30", "OUT"],
+        ["--quality", "30", "IN", "OUT"],
+        ["IN", "-o", "OUT", "--quality", "30"],
+        ["-o", "OUT", "--quality", "30", "IN"],
+    ],
+)
+def test_options_may_stand_anywhere(words):
+    arguments, unknown = build_parser("encode").parse_known_args(["encode", *words])
+    assert not unknown
+    assert (arguments.input, arguments.output, arguments.quality) == ("IN", "OUT", 30)
+
+
+@pytest.mark.parametrize(
+    ("source", "output"),
+    [("clip.mp4", "clip.gsvc"), ("a.b/clip", "a.b/clip.gsvc"), ("folder", "folder.gsvc"), ("scene:pan", "pan.gsvc")],
+)
+def test_an_output_without_a_name_gets_that_of_the_input(source, output, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("a.b").mkdir()
+    assert default_output(source) == output
+    Path(output).touch()
+    with pytest.raises(UsageError, match="exists already"):
+        default_output(source)
+
+
+def test_standard_input_gives_no_name():
+    with pytest.raises(UsageError, match="there is no output"):
+        default_output("-")
 
 
 @pytest.mark.parametrize("name", ["a.mkv", "folder.gsvc/a.Y4M", "a.gsvc.png", "a.gif"])
