@@ -5,7 +5,8 @@ globalThis.GSVC ??= {};
 {
   const STEP = 0.02; // of the width, for a key
   const ALONE = "stream"; // the mode that shows nothing beside the stream
-  const MODES = [ALONE, "split", "source", "difference"];
+  const SIDE_BY_SIDE = "split";
+  const MODES = [ALONE, SIDE_BY_SIDE, "source", "difference"];
   const clamp = (value) => Math.min(Math.max(value, 0), 1);
 
   GSVC.Beside = class {
@@ -29,16 +30,17 @@ globalThis.GSVC ??= {};
       this.#wipe(0.5);
     }
 
-    /** Compare with another source from now on, or with none. */
+    /** Compare with another source from now on, side by side at first, or with none. */
     use(comparison) {
       this.comparison = comparison;
       if (!comparison) this.show(ALONE);
+      else if (this.mode === ALONE) this.show(SIDE_BY_SIDE);
     }
 
     show(mode, gain = this.gain) {
       Object.assign(this, { mode, gain });
       this.cover.hidden = mode === ALONE;
-      this.line.hidden = mode !== "split";
+      this.line.hidden = mode !== SIDE_BY_SIDE;
       this.#wipe(this.at);
       const full = 128 / gain;
       const told = {

@@ -283,7 +283,7 @@ globalThis.GSVC ??= {};
     }
     $("beside").hidden = $("psnr").hidden = !state.file.comparison;
     beside.use(state.file.comparison);
-    if (!state.file.comparison) $("mode").value = beside.mode;
+    $("mode").value = beside.mode;
     measure();
   }
 

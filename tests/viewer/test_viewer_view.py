@@ -71,6 +71,9 @@ def test_the_source_is_beside_the_stream_and_measured(new_page, noisy):
         page.press("ArrowRight")
         assert float(facts(page, "#frame")["PSNR"].removesuffix(" dB")) == pytest.approx(values[1], abs=0.02)
 
+        assert page.input_value("#mode") == "split"
+        page.select_option("#mode", "stream")
+        page.wait_for_function("() => document.querySelector('.beside').hidden")
         stream_alone = page.picture()
         page.press("c")
         assert page.input_value("#mode") == "split"
