@@ -1,5 +1,6 @@
 """``gsvc encode``: a video in, a `.gsvc` file out."""
 
+import shlex
 import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Mapping
@@ -153,7 +154,7 @@ def encode_file(arguments: Namespace, extras: Extras = PLAIN) -> int:
             for note in [*report.notes, *extras.notes(report)]:
                 if note not in shown:
                     show(f"  note: {note}", file=out)
-            show(*summary(arguments.output, report, compiled=notice.said), file=out)
+            show(*_result(arguments, report, compiled=notice.said), file=out)
         elif arguments.json:
             print_json(report_object(arguments, report, reader.format))
     if fault is not None:
@@ -172,6 +173,23 @@ def _introduce(name: str, video: "VideoFormat", notes: list[str], settings: "Set
     for note in notes:
         show(f"  note: {note}", file=out)
     show(f"settings: {described}", file=out)
+
+
+def _result(arguments: Namespace, report: "EncodeReport", *, compiled: bool) -> list[str]:
+    """The file beside its source, and what to do next."""
+    output, path = arguments.output, Path(arguments.input)
+    is_resampled = getattr(arguments, "scale", None) is not None or getattr(arguments, "fps", None) is not None
+    start, stop = report.settings.frames
+    is_whole = (start, stop) == (0, None) and not (is_resampled or report.interrupted or report.fault)
+    source_bytes = path.stat().st_size if is_whole and path.is_file() else None
+    lines = summary(output, report, compiled=compiled, source_bytes=source_bytes, verbose=arguments.verbose)
+    if source_bytes and report.file_bytes > source_bytes:
+        lines.append("  note: the file is larger than its source; a lower --quality makes it smaller")
+    if output != STDIO:
+        source = [arguments.input] if path.exists() and not is_resampled else []
+        begins = ["--source-from", str(start)] if source and start else []
+        lines.append(f"  next: gsvc view {shlex.join([output, *source, *begins])}")
+    return lines
 
 
 def _interrupted(output: str, report: "EncodeReport") -> str:

@@ -137,6 +137,11 @@ def add_options(parser: ArgumentParser) -> None:
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
+    other.add_argument(
+        "--verbose",
+        action="store_true",
+        help="also print which tools the encoder used in how many frames, and its time",
+    )
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 

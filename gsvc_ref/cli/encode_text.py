@@ -70,7 +70,9 @@ def frame_progress(display: ProgressDisplay) -> "Callable[[Progress], None]":
     return show
 
 
-def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]:
+def summary(
+    output: str, report: "EncodeReport", *, compiled: bool, source_bytes: int | None = None, verbose: bool = False
+) -> list[str]:
     """The result of an encode in lines; `compiled`: kernels were compiled in its time."""
     frames = report.frames
     counts = Counter[str](frame.type for frame in frames)
@@ -79,18 +81,22 @@ def summary(output: str, report: "EncodeReport", *, compiled: bool) -> list[str]
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
     total = max(report.seconds, sum(report.seconds_by_stage.values()))  # several processes spend more than passes
     shares = ", ".join(f"{stage} {seconds / total:.0%}" for stage, seconds in stages[:4] if total)
-    layers = layer_lines(report)
-    return [
-        f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}, "
+    length = float(len(frames) / report.header.frame_rate)
+    of_source = f" ({report.file_bytes / source_bytes:.2g} times its source)" if source_bytes else ""
+    lines = [
+        f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}{of_source}, "
         f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
-        *layers,
-        f"  effects: {effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])}",
-        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2f} s/frame"
-        + (" with the compilation of kernels" if compiled else "")
-        + (f" ({shares})" if shares else ""),
+        *layer_lines(report),
+        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2g} s/frame"
+        + (f", {length / report.seconds:.2g} times real time" if report.seconds and len(frames) > 1 else "")
+        + (" with the compilation of kernels" if compiled else ""),
     ]
+    if verbose:
+        effects = effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])
+        lines += [f"  effects: {effects}", f"  time: {shares}"]
+    return lines
 
 
 def effects_line(decisions: "Sequence[Sequence[Decision]]", types: Sequence[str]) -> str:

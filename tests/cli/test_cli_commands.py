@@ -46,8 +46,27 @@ def test_encode_says_what_it_does_and_what_came_out(clip, tmp_path, capsys):
         "settings: profile main, preset quick, about 12 splats a frame, I-frames every 2 frames, effects auto, seed 0"
     )
     assert f"{path.stat().st_size:,} bytes" in rest[0]
+    assert f"({path.stat().st_size / clip.stat().st_size:.2g} times its source)" in rest[0]
     assert "4 frames: 2 I, 2 P" in rest[1]
+    assert "times real time" in rest[2]
+    assert rest[-1] == f"  next: gsvc view {path} {clip}"
     assert err == ""
+
+
+def test_encode_of_a_range_names_where_the_source_begins(clip, tmp_path, capsys):
+    path = tmp_path / "out.gsvc"
+    assert main(["encode", str(clip), str(path), *QUICK[:-1], "--frames", "2:4"]) == 0
+    *_, last = capsys.readouterr().out.splitlines()
+    assert last == f"  next: gsvc view {path} {clip} --source-from 2"
+
+
+def test_a_file_that_is_larger_than_its_source_is_noted(tmp_path, capsys):
+    folder = tmp_path / "picture"
+    folder.mkdir()
+    source = folder / "0.png"
+    source.write_bytes(encode_png(np.zeros((8, 8, 3), np.uint8)))
+    assert main(["encode", str(source), str(tmp_path / "out.gsvc"), "--splats", "9", "--key-frames", "1"]) == 0
+    assert "larger than its source" in capsys.readouterr().out
 
 
 def test_encode_states_assumptions(tmp_path, capsys):

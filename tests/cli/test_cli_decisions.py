@@ -37,7 +37,8 @@ PAPER = ["--profile", "paper", "--iterations", "2"]
 
 
 def test_the_effects_are_told_and_what_they_left_out(still, tmp_path, capsys):
-    assert encode(still, tmp_path / "a.gsvc", "--key-frames", "9", "--effects", "auto,motion=off", *PAPER) == 0
+    options = ["--key-frames", "9", "--effects", "auto,motion=off"]
+    assert encode(still, tmp_path / "a.gsvc", *options, "--verbose", *PAPER) == 0
     out = capsys.readouterr().out
     assert "effects auto,motion=off, seed 0" in out
     told = "  effects: 1 frame repeated, DKS pre-trained 0 of 3 frames, GSA in [01] of 1 P-frame, static splats in "

@@ -52,11 +52,6 @@ def test_what_cannot_be_is_refused_with_a_sentence(clip, tmp_path, capsys, optio
     assert not output.exists()
 
 
-def test_an_output_is_needed_but_for_a_dry_run(clip, capsys):
-    assert main(["encode", str(clip)]) == 2
-    assert "there is no output" in capsys.readouterr().err
-
-
 def test_a_size_at_another_size_and_rate(clip, tmp_path, capsys):
     output = tmp_path / "out.gsvc"
     options = ["--size", "750", "--scale", "24x18", "--fps", "12", *FEW]
