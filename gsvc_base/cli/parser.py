@@ -25,7 +25,7 @@ class Parser(ArgumentParser):
     commands: "Mapping[str, Parser]" = MappingProxyType({})
     _intermixed = False  # whether it is inside `parse_known_intermixed_args`, which may call `parse_known_args`
 
-    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:  # type: ignore[override]
         """Parse options and names in any order; a parser of commands takes its own options first."""
         if self._subparsers is not None or self._intermixed:
             return super().parse_known_args(args, namespace)

@@ -105,7 +105,9 @@ def report_data(
         found = gather(wanted.file, captions, damaged=damaged, threads=wanted.threads, on_frame=done)
         about = f"{wanted.file.name}: {_format(wanted.file)}."
     else:
-        with open_side(wanted.source, (wanted.start, None), "fast", background=wanted.background) as side:
+        with gsvc_ref.open(wanted.file) as stream:
+            like = stream.format
+        with open_side(wanted.source, (wanted.start, None), "fast", background=wanted.background, like=like) as side:
             check_source(summary, side, wanted.start)
             found = gather(
                 wanted.file, captions, side.frames, damaged=damaged, with_vmaf=wanted.vmaf, threads=wanted.threads,

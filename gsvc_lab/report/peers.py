@@ -12,6 +12,7 @@ from gsvc_lab.bench import ffmpeg
 from gsvc_lab.bench.tables import percent
 from gsvc_lab.report.x264 import VARIANTS, X264, Peer, sample_frames, x264_at
 from gsvc_ref.bitstream import SequenceHeader
+from gsvc_ref.video import open_video
 from gsvc_ref.video.alpha import Background
 
 OnStep = Callable[[str, float, float | None], None]
@@ -49,6 +50,9 @@ def against_x264(
         on_step(text, tries, None)
 
     try:
+        with open_video(source, background=background) as reader:
+            if (reader.format.width, reader.format.height) != (header.width, header.height):
+                return Against(missing="x264 is not compared with a file that was resampled")
         peers, origin = x264_at(source, start, frames, goal, say, background)
     except (UsageError, GsvcError, OSError) as error:
         return Against(missing=f"x264 could not be compared: {error}")

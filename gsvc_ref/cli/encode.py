@@ -178,15 +178,16 @@ def _introduce(name: str, video: "VideoFormat", notes: list[str], settings: "Set
 def _result(arguments: Namespace, report: "EncodeReport", *, compiled: bool) -> list[str]:
     """The file beside its source, and what to do next."""
     output, path = arguments.output, Path(arguments.input)
-    is_resampled = getattr(arguments, "scale", None) is not None or getattr(arguments, "fps", None) is not None
+    scale, rate = getattr(arguments, "scale", None), getattr(arguments, "fps", None)
     start, stop = report.settings.frames
-    is_whole = (start, stop) == (0, None) and not (is_resampled or report.interrupted or report.fault)
+    is_whole = (start, stop) == (0, None) and not (scale or rate or report.interrupted or report.fault)
     source_bytes = path.stat().st_size if is_whole and path.is_file() else None
     lines = summary(output, report, compiled=compiled, source_bytes=source_bytes, verbose=arguments.verbose)
     if source_bytes and report.file_bytes > source_bytes:
         lines.append("  note: the file is larger than its source; a lower --quality makes it smaller")
     if output != STDIO:
-        source = [arguments.input] if path.exists() and not is_resampled else []
+        has_its_shape = rate is None and not isinstance(scale, tuple)
+        source = [arguments.input] if path.exists() and has_its_shape else []
         begins = ["--source-from", str(start)] if source and start else []
         lines.append(f"  next: gsvc view {shlex.join([output, *source, *begins])}")
     return lines

@@ -15,6 +15,7 @@ from gsvc_base.cli.text import decibel, plural, print_json, show, table
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_base.files import STREAM_SUFFIX
 from gsvc_ref.cli.damage import describe_damage
+from gsvc_ref.cli.encode import NamedInput
 from gsvc_ref.cli.files import (
     STDIO,
     CompleteFrames,
@@ -27,10 +28,12 @@ from gsvc_ref.cli.files import (
 )
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from gsvc_ref.metrics import Comparison, FrameComparison
     from gsvc_ref.rendering import Precision
     from gsvc_ref.stream import Stream
-    from gsvc_ref.video import VideoFormat
+    from gsvc_ref.video import VideoFormat, VideoSource
     from gsvc_ref.video.alpha import Background
 
 GSVC_COMPARE: Final = "gsvc compare"
@@ -81,12 +84,15 @@ def run(arguments: Namespace) -> int:
         check_input(name, folder_allowed=True)
     from gsvc_ref.cli.compilation import compilation_notice  # after the checks: it imports the compiler
 
+    like = _format_of_stream(arguments.original, arguments.other)
+
+    def opened(name: str) -> "AbstractContextManager[Side]":
+        return open_side(name, arguments.frames, arguments.precision, arguments.layer, arguments.background, like)
+
     with (
         compilation_notice(GSVC_COMPARE, silent=arguments.quiet or arguments.json),
-        open_side(
-            arguments.original, arguments.frames, arguments.precision, arguments.layer, arguments.background
-        ) as a,
-        open_side(arguments.other, arguments.frames, arguments.precision, arguments.layer, arguments.background) as b,
+        opened(arguments.original) as a,
+        opened(arguments.other) as b,
     ):
         for side in (a, b):
             say_damage(GSVC_COMPARE, side.notes)
@@ -109,6 +115,15 @@ def run(arguments: Namespace) -> int:
     return EXIT_DATA if damage else 0
 
 
+def _format_of_stream(*names: str) -> "VideoFormat | None":
+    """The format of the GSVC stream among two videos, if there is one in a file."""
+    for name in names:
+        if name != STDIO and holds_stream(name):
+            with open_stream(name) as stream:
+                return stream.format
+    return None
+
+
 def holds_stream(name: str) -> bool:
     """Whether a file is, or claims by its name to be, a GSVC stream."""
     from gsvc_ref.bitstream.chunks import MAGIC
@@ -129,8 +144,12 @@ def open_side(
     precision: "Precision",
     layer: int | None = None,
     background: "Background | None" = None,
+    like: "VideoFormat | None" = None,
 ) -> Iterator[Side]:
-    """Open a video, on a background, or a GSVC stream, up to a layer, to read a half-open range of its frames."""
+    """Open a video or a GSVC stream, to read a half-open range of its frames.
+
+    A video is shown on a background, and resampled as for a stream of format `like`; a stream is decoded up to a layer.
+    """
     start, stop = frames
     if name != STDIO and holds_stream(name):
         import gsvc_ref
@@ -139,9 +158,12 @@ def open_side(
             decoded = gsvc_ref.decode(stream, start=start, stop=stop, precision=precision)
             yield Side(name, stream.format, stream.notes, CompleteFrames(iter(decoded)), start, stream)
     else:
-        from gsvc_ref.video import open_video
+        source: VideoSource = NamedInput(name, background)
+        if like is not None and name != STDIO:
+            from gsvc_tools.video.resampling import resampled_like
 
-        with open_video(name, background=background) as reader:
+            source = resampled_like(source.open_video, like)
+        with source.open_video() as reader:
             yield Side(display_name(name), reader.format, reader.notes, CompleteFrames(islice(reader, start, stop)))
 
 

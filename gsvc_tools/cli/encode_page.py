@@ -14,9 +14,6 @@ from gsvc_ref.cli.files import STDIO, check_output
 if TYPE_CHECKING:
     from gsvc_ref.encoder import EncodeReport
 
-CHANGING: Final = ("scale", "fps")
-"""Options after which the file has other frames than its source."""
-
 
 class PageWriter(Protocol):
     """Writes a page about an encode."""
@@ -76,11 +73,11 @@ def write_page(arguments: Namespace, report: "EncodeReport") -> int:
     write = page_writer() if arguments.report is not None else None
     if write is None:
         return 0
-    same = arguments.input != STDIO and not any(getattr(arguments, name, None) for name in CHANGING)
     start = arguments.frames[0] if arguments.frames is not None else 0
     command = shlex.join(["gsvc", *sys.argv[1:]]) if sys.argv[1:2] == ["encode"] else ""
     quiet = arguments.quiet or arguments.json
-    source = arguments.input if same else None
+    is_readable = arguments.input != STDIO and getattr(arguments, "fps", None) is None  # --fps changes the numbers
+    source = arguments.input if is_readable else None
     try:
         write(
             arguments.output, source, start, arguments.report, report, command, quiet=quiet,

@@ -12,6 +12,7 @@ from gsvc_base.cli.arguments import amount_of_bytes, whole
 from gsvc_base.cli.errors import EXIT_INTERRUPTED, say
 from gsvc_base.cli.text import plural, show
 from gsvc_base.errors import GsvcError, UsageError
+from gsvc_ref.cli.encode import NamedInput
 from gsvc_ref.cli.files import MAGIC_RULE, STDIO, add_background, check_input, display_name, open_stream
 
 if TYPE_CHECKING:
@@ -138,20 +139,22 @@ def _is_device(name: str) -> bool:
 
 def _opened(arguments: Namespace) -> "tuple[StreamBytes, SourceFrames | None]":
     """The stream, which must be one unless it is live, and the source, which must fit it."""
-    from gsvc_ref.video import open_video
+    from gsvc_tools.video.resampling import resampled_like
     from gsvc_tools.viewing.source_frames import SourceFrames
     from gsvc_tools.viewing.streams import MAX_PIPED_BYTES, GrowingFile, Pipe, WholeFile
 
     live = arguments.live or arguments.input == STDIO
+    opened_source = NamedInput(arguments.source, arguments.background).open_video
     if not live:
         with open_stream(arguments.input) as opened:
             video = opened.format
         if arguments.source is not None:
-            with open_video(arguments.source, background=arguments.background) as reader:
+            opened_source = resampled_like(opened_source, video).open_video
+            with opened_source() as reader:
                 _check_fits(arguments, video, reader.format)
     source = None
     if arguments.source is not None:
-        source = SourceFrames(arguments.source, arguments.source_from, background=arguments.background)
+        source = SourceFrames(arguments.source, arguments.source_from, opened=opened_source)
     if arguments.input == STDIO:
         return Pipe(sys.stdin.buffer, arguments.max_bytes or MAX_PIPED_BYTES), source
     return (GrowingFile if live else WholeFile)(Path(arguments.input)), source
@@ -164,8 +167,8 @@ def _check_fits(arguments: Namespace, video: "VideoFormat", source: "VideoFormat
     ):
         if ours != other:
             raise UsageError(
-                f"{arguments.source} has {other} {what} and {arguments.input} {ours}; only equal ones can be compared: "
-                "convert the source first, or leave it out"
+                f"{arguments.source} has {other} {what} and {arguments.input} {ours}, which cannot be compared: "
+                "give the video that it was encoded from, or leave it out"
             )
 
 

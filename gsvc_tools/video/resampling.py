@@ -13,7 +13,7 @@ import numpy as np
 
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError, UsageError
-from gsvc_ref.video.format import MAX_DIMENSION, MAX_PIXELS, FrameRate, exact_frame_rate
+from gsvc_ref.video.format import MAX_DIMENSION, MAX_PIXELS, FrameRate, VideoFormat, exact_frame_rate
 from gsvc_ref.video.stream import PassingReader, VideoReader
 
 Scale = float | tuple[int, int]
@@ -146,6 +146,23 @@ class Resampled:
             reader.close()
             raise
         return reader
+
+
+def resampled_like(opened: VideoOpener, video: VideoFormat) -> Resampled:
+    """A source as ``gsvc encode --scale F --fps R`` resampled it for a stream of format `video`.
+
+    A source of another shape is left as it is. So is the frame rate, unless it explains the stream's number of frames.
+    """
+    with opened() as reader:
+        source = reader.format
+    wide, high = source.width, source.height
+    has_its_shape = 2 * abs(video.width * high - video.height * wide) <= wide + high
+    is_other_size = (video.width, video.height) != (wide, high)
+    rate = None
+    if source.frame_count is not None and video.frame_count not in (None, source.frame_count):
+        count = -(-source.frame_count * video.frame_rate // source.frame_rate)
+        rate = video.frame_rate if count == video.frame_count else None
+    return Resampled(opened, (video.width, video.height) if has_its_shape and is_other_size else None, rate)
 
 
 def scaled_size(width: int, height: int, scale: Scale) -> tuple[int, int]:

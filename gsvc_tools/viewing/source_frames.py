@@ -2,6 +2,7 @@
 
 import tempfile
 import threading
+from functools import partial
 from typing import BinaryIO, Final
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy as np
 from gsvc_base.arrays import Frame
 from gsvc_base.errors import GsvcError
 from gsvc_ref.video import VideoFormat, VideoReader, open_video
-from gsvc_ref.video.alpha import Background
+from gsvc_tools.video.resampling import VideoOpener
 
 MAX_VIEWED_BYTES: Final = 1 << 30
 """Bytes of frames that are kept in a temporary file: 172 frames of 1920 × 1080, so that going back reads no video."""
@@ -18,14 +19,16 @@ MAX_VIEWED_BYTES: Final = 1 << 30
 class SourceFrames:
     """Frames of a source by their number, from its frame `first` on; any thread may ask.
 
-    `most_kept` bytes of frames are kept on disk; those after them are read again when someone goes back.
+    `most_kept` bytes of frames are kept on disk; those after them are read again when someone goes back. Where
+    `opened` is given, it opens the source, and `name` is shown only.
     """
 
     def __init__(
-        self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES, background: Background | None = None
+        self, name: str, first: int = 0, most_kept: int = MAX_VIEWED_BYTES, opened: VideoOpener | None = None
     ) -> None:
-        self.name, self._first, self._background = name, first, background
-        self._reader: VideoReader = open_video(name, background=background)
+        self.name, self._first = name, first
+        self._open = opened or partial(open_video, name)
+        self._reader: VideoReader = self._open()
         self.format: VideoFormat = self._reader.format
         self._frame_bytes = 3 * self.format.width * self.format.height * (1 if self.format.bit_depth == 8 else 2)
         self._room = most_kept // self._frame_bytes
@@ -47,7 +50,7 @@ class SourceFrames:
                 return self._file.read(self._frame_bytes)
             if number < self._next:
                 self._reader.close()
-                self._reader, self._next, self._fault = open_video(self.name, background=self._background), 0, None
+                self._reader, self._next, self._fault = self._open(), 0, None
             data = None
             while self._next <= number:
                 frame = self._read()

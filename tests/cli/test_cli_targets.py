@@ -64,6 +64,20 @@ def test_a_size_at_another_size_and_rate(clip, tmp_path, capsys):
     assert abs(output.stat().st_size / 750 - 1) <= 0.03
 
 
+def test_a_scaled_file_is_compared_with_its_source(clip, tmp_path, capsys):
+    output, page = tmp_path / "out.gsvc", tmp_path / "page.html"
+    options = ["--scale", "0.5", "--splats", "8", "--report", str(page), *FEW]
+    assert main(["encode", str(clip), str(output), *options]) == 0
+    said = capsys.readouterr().out
+    assert f"  next: gsvc view {output} {clip}\n" in said
+    assert "x264 is not compared with a file that was resampled" in page.read_text()
+    assert main(["compare", str(clip), str(output), "--json"]) == 0
+    compared = [frame["psnr"] for frame in json.loads(capsys.readouterr().out)["frames"]]
+    assert main(["encode", str(clip), str(output), *options, "--json"]) == 0
+    encoded = [frame["psnr"] for frame in json.loads(capsys.readouterr().out)["frames"]]
+    assert compared == pytest.approx(encoded, abs=1e-3)
+
+
 @pytest.mark.parametrize("jobs", ["0", "-3", "1025"])
 def test_a_dry_run_refuses_the_jobs_that_an_encode_refuses(clip, capsys, jobs):
     assert main(["encode", str(clip), "--dry-run", f"--jobs={jobs}"]) == 2

@@ -159,7 +159,7 @@ def test_what_cannot_be_shown_is_refused(stream, clip, tmp_path, capsys):
     )
     code, told = refused(capsys, stream, other)
     assert code == 2
-    assert told.startswith(f"{other} has 24x32 pixels and {stream} 32x24; only equal ones can be compared")
+    assert told.startswith(f"{other} has 24x32 pixels and {stream} 32x24, which cannot be compared")
     assert refused(capsys, stream, "--port", "70000") == (2, "--port is 70000; a port is a number from 1 to 65535")
     assert refused(capsys, stream, "--colour")[0] == 2
     assert refused(capsys, stream, "--source-from", "3")[0] == 2

@@ -9,7 +9,14 @@ import pytest
 from gsvc_base.errors import GsvcError, UsageError
 from gsvc_ref.encoder.source_and_target import FrameSource
 from gsvc_ref.video.format import array_format
-from gsvc_tools.video.resampling import FrameRateReader, Resampled, ScaledReader, resampled, scaled_size
+from gsvc_tools.video.resampling import (
+    FrameRateReader,
+    Resampled,
+    ScaledReader,
+    resampled,
+    resampled_like,
+    scaled_size,
+)
 
 RATE = Fraction(24)
 
@@ -143,3 +150,26 @@ def test_both_at_once_again_and_again_and_said():
     with Resampled(lambda: source(numbered(6))).open_video() as reader:
         assert reader.notes == []
         assert len(list(reader)) == 6
+
+
+@pytest.mark.parametrize(
+    ("scale", "rate"), [(2.0, None), (0.5, None), (None, Fraction(12)), (1.3, Fraction(9)), (None, None)]
+)
+def test_a_source_is_resampled_as_a_stream_of_it_was(scale, rate):
+    def opened():
+        return source(numbered(7))
+
+    with Resampled(opened, scale, rate).open_video() as reader:
+        video, frames = reader.format, list(reader)
+    with resampled_like(opened, video).open_video() as reader:
+        assert (reader.format.width, reader.format.height) == (video.width, video.height)
+        np.testing.assert_array_equal(list(reader), frames)
+
+
+def test_a_source_of_another_shape_or_another_length_is_left_as_it_is():
+    def opened():
+        return source(numbered(7))
+
+    for changes in ({"width": 4, "height": 6}, {"frame_rate": Fraction(12), "frame_count": 5}):
+        with resampled_like(opened, replace(opened().format, **changes)).open_video() as reader:
+            assert reader.format == opened().format
