@@ -81,17 +81,19 @@ def summary(
     stages = sorted(report.seconds_by_stage.items(), key=lambda item: -item[1])
     total = max(report.seconds, sum(report.seconds_by_stage.values()))  # several processes spend more than passes
     shares = ", ".join(f"{stage} {seconds / total:.0%}" for stage, seconds in stages[:4] if total)
-    length = float(len(frames) / report.header.frame_rate)
     of_source = f" ({report.file_bytes / source_bytes:.2g} times its source)" if source_bytes else ""
+    rate = speed = ""
+    if len(frames) > 1:
+        rate = f"{kilobits_per_second(report):.1f} kbit/s, "
+        real_time = float(len(frames) / report.header.frame_rate) / max(report.seconds, 1e-9)
+        speed = f", {report.seconds / len(frames):.2g} s/frame, {real_time:.2g} times real time"
     lines = [
         f"{display_name(output, 'standard output')}: {plural(report.file_bytes, 'byte')}{of_source}, "
-        f"{report.bits_per_pixel:.4f} bits/pixel, {kilobits_per_second(report):.1f} kbit/s, "
+        f"{report.bits_per_pixel:.4f} bits/pixel, {rate}"
         f"mean PSNR {decibel(report.mean_psnr, 'infinite (identical frames)')}",
         f"  {plural(len(frames), 'frame')}: {types}; at most {plural(splats, 'splat')} in one",
         *layer_lines(report),
-        f"  {duration(report.seconds)}, {report.seconds / len(frames):.2g} s/frame"
-        + (f", {length / report.seconds:.2g} times real time" if report.seconds and len(frames) > 1 else "")
-        + (" with the compilation of kernels" if compiled else ""),
+        f"  {duration(report.seconds)}{speed}" + (" with the compilation of kernels" if compiled else ""),
     ]
     if verbose:
         effects = effects_line([frame.decisions for frame in frames], [frame.type for frame in frames])

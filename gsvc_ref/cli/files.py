@@ -224,7 +224,8 @@ def describe_format(video: "VideoFormat") -> str:
     else:
         name = MATRIX_NAMES.get(video.color.matrix, f"matrix {video.color.matrix}")
         color = f", {name}, {'full' if video.color.full_range else 'limited'} range"
+    rate = "" if video.frame_count == 1 else f"{per_second(video.frame_rate)}, "
     return (
-        f"{video.width}x{video.height}, {frames}{per_second(video.frame_rate)}, {video.bit_depth} bits, "
+        f"{video.width}x{video.height}, {frames}{rate}{video.bit_depth} bits, "
         f"{CHROMA_NAMES[video.chroma_format]}{color}"
     )

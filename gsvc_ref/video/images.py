@@ -101,7 +101,8 @@ class ImageReader(VideoReader):
         height, width, _ = first.frame.shape
         count = len(sources)
         self.format = VideoFormat(width, height, ASSUMED_RATE, first.bit_depth, "rgb", first.color, frame_count=count)
-        self.note(f"pictures state no frame rate, so assumed: {ASSUMED_RATE} per second")
+        if count > 1:
+            self.note(f"pictures state no frame rate, so assumed: {ASSUMED_RATE} per second")
 
     def _label(self, index: int) -> str:
         source = self._sources[index]

@@ -23,7 +23,7 @@ def cut(clip, tmp_path):
 def test_seconds_a_frame_that_hold_compilation_say_so(clip, tmp_path, compiled):
     report = gsvc_ref.encode(clip, tmp_path / "out.gsvc", gsvc_ref.Settings.quick(splats=12))
     line = summary("out.gsvc", report, compiled=compiled)[-1]
-    assert (" s/frame with the compilation of kernels (" in line) == compiled
+    assert line.endswith(" with the compilation of kernels") == compiled
 
 
 @pytest.mark.parametrize("options", [[], ["--live"]])
