@@ -109,4 +109,5 @@ def test_without_a_gpu_nothing_is_judged(monkeypatch):
 def test_it_imports_nothing_of_the_project(imported_by):
     assert imported_by("gsplat_cuda") == {
         "typing", "numpy", "torch", "gsplat.project_gaussians_2d", "gsplat.rasterize_sum",
+        "gsvc_conformance.adapters",
     }  # fmt: skip

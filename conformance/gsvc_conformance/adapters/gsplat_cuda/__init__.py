@@ -21,6 +21,8 @@ import torch
 from gsplat.project_gaussians_2d import project_gaussians_2d
 from gsplat.rasterize_sum import rasterize_gaussians_sum
 
+from gsvc_conformance.adapters import nvidia
+
 Values = dict[str, Any]
 
 DEVICE: Final = "cuda"
@@ -35,6 +37,8 @@ def environment() -> dict[str, str]:
         raise RuntimeError("the rasteriser needs an NVIDIA GPU, and PyTorch with CUDA")
     return {
         "device": torch.cuda.get_device_name(),
+        **nvidia.driver(),
+        "compute capability": "{}.{}".format(*torch.cuda.get_device_capability()),
         "CUDA": str(torch.version.cuda),
         "PyTorch": torch.__version__,
     }
