@@ -30,10 +30,11 @@ def render(parameters: Tensor, width: int, height: int) -> Tensor:
     """The sum C (9-2) of splats (N, 8) f4 over a frame, (H, W, 3) f4.
 
     Differentiable: autograd finds the gradients of 10.3. Memory does not grow with the splats of a pixel: what autograd
-    needs is computed again in the backward pass, batch by batch. Sums go through `index_put_`, and the backward pass of
-    an index is one: CUDA sorts for it. `index_add_`, `scatter_add_` and the backward pass of `index_select` add by float
-    atomics, in any order, and those of NVIDIA flush subnormal numbers: what is left of a gradient made of many of them
-    is 0, which (13-16) does not allow.
+    needs is computed again in the backward pass, batch by batch.
+
+    Sums go through `index_put_`, which is the backward pass of indexing, too: CUDA sorts for it. `index_add_`,
+    `scatter_add_` and the backward pass of `index_select` add by float atomics in any order, and those of NVIDIA flush
+    subnormal numbers. A gradient made of many of them would be 0, which (13-16) does not allow.
     """
     grid = Grid(width, height)
     pixels = torch.zeros(grid.tiles, TILE * TILE, 3, device=parameters.device)
