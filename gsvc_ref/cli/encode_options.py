@@ -129,16 +129,12 @@ def add_options(parser: ArgumentParser) -> None:
     other.add_argument(
         "--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file"
     )
-    other.add_argument(
-        "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
-    )
+    other.add_argument("--threads", type=whole, metavar="T", help="threads of the CPU; the file is the same with any")
     other.add_argument(
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
-    other.add_argument(
-        "--device", metavar="NAME", help="what fits splats: cpu (default), or cuda; the file depends on it"
-    )
+    other.add_argument("--device", metavar="NAME", help="what fits splats: cpu (default), or cuda; other bytes")
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 

@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from gsvc_base.arrays import F4
 from gsvc_base.errors import UsageError
+from gsvc_ref.rendering.fast.threads import thread_count
 from gsvc_ref.rendering.objective import Objective
 
 
@@ -35,6 +36,7 @@ class SampledObjective:
         self._down, self._right = min(down, self.height), min(right, self.width)  # a side of one pixel has the step 1
         high, wide = 1 / self._down, 1 / self._right
         self._scale = np.array([wide, high, wide, high, high, 1, 1, 1], np.float32)  # of x, y, l11, l21, l22, colours
+        self.threads = thread_count(threads)
         self._origins = [(y, x) for y in range(self._down) for x in range(self._right)]
         background_splats = np.zeros((0, 8), np.float32) if background is None else np.asarray(background, np.float32)
         self._objectives = [

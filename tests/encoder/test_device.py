@@ -75,7 +75,7 @@ def no_cpu(monkeypatch):
     def refuse(*arguments, **named):
         raise AssertionError("evaluated on the CPU")
 
-    return lambda: monkeypatch.setattr(CpuEvaluator, "_run", refuse)
+    return lambda: monkeypatch.setattr(CpuEvaluator, "_loss", refuse)
 
 
 def test_a_clip_is_encoded_by_a_device_alone(plain, no_cpu, tmp_path):
