@@ -7,10 +7,25 @@ The second line needs no GPU.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment
-from gsvc_conformance.adapters.cuda.rendering import to_frame, to_frame_deterministic
+from gsvc_conformance.adapters.cuda.rendering import (
+    render_frame,
+    render_gradients,
+    render_sum,
+    render_sum_deterministic,
+    scale_parameters,
+    scale_parameters_filtered,
+    to_frame,
+    to_frame_deterministic,
+)
 
 __all__ = [
     "environment",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "render_sum_deterministic",
+    "scale_parameters",
+    "scale_parameters_filtered",
     "to_frame",
     "to_frame_deterministic",
 ]
