@@ -11,6 +11,11 @@
 #include "fibers.h"
 #endif
 
+#ifdef __CUDACC_RTC__                       /* NVRTC has no headers */
+#define INFINITY __int_as_float(0x7f800000)
+#define NAN __int_as_float(0x7fffffff)
+#endif
+
 #define EVERY_LANE 0xffffffffu
 
 static __device__ __forceinline__ int thread_of_grid() { return blockIdx.x * blockDim.x + threadIdx.x; }
