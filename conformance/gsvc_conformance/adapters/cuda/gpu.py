@@ -102,7 +102,7 @@ def synchronize() -> None:
 
 
 def compiled(source: str, exact: bool, machine: str) -> bytes:
-    """A file of kernels as a cubin for an architecture, such as ``sm_90``; that takes no GPU.
+    """A file of kernels as a cubin for an architecture, such as ``sm_90``, or as PTX for ``compute_90``; without a GPU.
 
     Not by RawModule or RawKernel: these add ``-ftz=true`` to whatever options they get.
     """
@@ -113,7 +113,8 @@ def compiled(source: str, exact: bool, machine: str) -> bytes:
         program = nvrtc.createProgram(text, f"{source}.cu", (), ())
         try:
             nvrtc.compileProgram(program, options)
-            path.write_bytes(nvrtc.getCUBIN(program))
+            is_ptx = machine.startswith("compute_")
+            path.write_bytes(nvrtc.getPTX(program).encode() if is_ptx else nvrtc.getCUBIN(program))
         except nvrtc.NVRTCError as error:
             log = nvrtc.getProgramLog(program)
             raise RuntimeError(f"NVRTC does not compile {source}.cu for {machine}: {error}\n{log}") from None
