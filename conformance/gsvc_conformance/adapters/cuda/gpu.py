@@ -89,7 +89,7 @@ def replay(work: Callable[[], None]) -> Callable[[], None]:
         work()
         graph = stream.end_capture()
 
-    def start() -> None:
+    def start(_kept: Callable[[], None] = work) -> None:  # with its buffers, whose addresses are in the graph
         graph.launch(cupy.cuda.get_current_stream())
 
     return start
@@ -114,7 +114,7 @@ def compiled(source: str, exact: bool, machine: str) -> bytes:
         try:
             nvrtc.compileProgram(program, options)
             is_ptx = machine.startswith("compute_")
-            path.write_bytes(nvrtc.getPTX(program).encode() if is_ptx else nvrtc.getCUBIN(program))
+            path.write_bytes(nvrtc.getPTX(program) if is_ptx else nvrtc.getCUBIN(program))
         except nvrtc.NVRTCError as error:
             log = nvrtc.getProgramLog(program)
             raise RuntimeError(f"NVRTC does not compile {source}.cu for {machine}: {error}\n{log}") from None
@@ -134,6 +134,7 @@ def module(source: str, exact: bool) -> Module:
     return loaded
 
 
+@cache
 def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, ...], Any], None]:
     """What starts a kernel: it takes blocks, threads of a block, and an array of the addresses of its arguments."""
     found = module(source_of(kernel), exact).get_function(kernel)

@@ -5,6 +5,7 @@
    moments of four tiles, and nobody else writes there; in the end a warp for each splat adds up its slots, in binary64 and
    always in the same order. So a gradient has the same bytes in every run, and no atomic addition flushes any of it. */
 
+#define ROWS 8
 #include "sums.cuh"
 
 #define MOMENTS 8
@@ -38,7 +39,7 @@ static __device__ __forceinline__ float moments_of_tile(const Splat &s, const Ti
     float q_u2 = 0, q_u2_u2 = 0, red = 0, green = 0, blue = 0;
 #pragma unroll
     for (int k = 0; k < ROWS; k++) {
-        float u2 = whitened_row(s, tile.j + 0.5f + 2 * k, sheared);
+        float u2 = whitened_row(s, tile.j + 0.5f + 4 * k, sheared);
         float m = multiply_add(u2, u2, square);
         float g = exp_minus_half(m);
         if (m <= SUPPORT_SQUARED) {
