@@ -11,7 +11,7 @@ import numpy as np
 from cupy.cuda import driver, nvrtc, runtime
 from cupy.cuda.function import Module
 
-from gsvc_conformance.adapters.cuda.errors import advice
+from gsvc_conformance.adapters.cuda.errors import NO_NVRTC, advice
 from gsvc_conformance.adapters.cuda.sources import KERNELS, ROUNDING, kept, source_of
 
 Array = np.ndarray[Any, Any]
@@ -36,17 +36,36 @@ def explaining() -> Iterator[None]:
 
 
 @cache
-def architecture() -> str:
-    """The compute capability of the device, such as ``sm_90``.
+def compiler() -> tuple[int, int]:
+    """The version of NVRTC.
 
     Raises
     ------
     RuntimeError
-        There is no GPU, or its driver is too old.
+        There is none.
+    """
+    try:
+        major, minor = nvrtc.getVersion()
+    except RuntimeError as error:
+        raise RuntimeError(f"{NO_NVRTC} ({str(error).splitlines()[0]})") from None
+    return major, minor
+
+
+@cache
+def architecture() -> str:
+    """What to compile for: the device, such as ``sm_90``, or what the driver translates, if NVRTC is older than that.
+
+    Raises
+    ------
+    RuntimeError
+        There is no GPU, its driver is too old, or there is no NVRTC.
     """
     with explaining():
         runtime.getDeviceCount()  # of no device it is an error
-    return f"sm_{cupy.cuda.Device().compute_capability}"
+        capability = int(cupy.cuda.Device().compute_capability)
+    compiler()
+    known = [number for number in nvrtc.getSupportedArchs() if number <= capability]
+    return f"sm_{capability}" if capability in known else f"compute_{max(known)}"
 
 
 def storage(size: int) -> cupy.ndarray:
@@ -121,7 +140,7 @@ def compiled(source: str, exact: bool, machine: str) -> bytes:
         finally:
             nvrtc.destroyProgram(program)
 
-    return kept(".cubin", [repr(nvrtc.getVersion()), text, *options], make).read_bytes()
+    return kept(".cubin", [repr(compiler()), text, *options], make).read_bytes()
 
 
 @cache
@@ -151,14 +170,14 @@ def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, 
 
 def environment() -> dict[str, str]:
     """Card, driver and versions."""
-    machine = architecture()
+    architecture()  # which says what is missing
     properties = runtime.getDeviceProperties(cupy.cuda.Device().id)
     return {
         "device": properties["name"].decode(),
-        "compute_capability": machine.removeprefix("sm_"),
+        "compute_capability": cupy.cuda.Device().compute_capability,
         "driver": _version(runtime.driverGetVersion()),
         "CUDA": _version(runtime.runtimeGetVersion()),
-        "NVRTC": ".".join(map(str, nvrtc.getVersion())),
+        "NVRTC": ".".join(map(str, compiler())),
         "CuPy": cupy.__version__,
     }
 
