@@ -22,7 +22,7 @@ exponential of the hardware. There are no atomic additions of float, which flush
 runs could change: gradients have the same bytes in every run.
 
 Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
-kernel spills in a loop.
+kernel that is launched spills registers.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment

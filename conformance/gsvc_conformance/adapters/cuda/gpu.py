@@ -1,5 +1,6 @@
 """The kernels on an NVIDIA GPU: memory, compilation and launches by CuPy."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -175,12 +176,14 @@ def environment() -> dict[str, str]:
     return {
         "device": properties["name"].decode(),
         "compute_capability": cupy.cuda.Device().compute_capability,
-        "driver": _version(runtime.driverGetVersion()),
-        "CUDA": _version(runtime.runtimeGetVersion()),
+        "driver": _driver(),
         "NVRTC": ".".join(map(str, compiler())),
         "CuPy": cupy.__version__,
     }
 
 
-def _version(number: int) -> str:
-    return f"{number // 1000}.{number % 1000 // 10}"
+def _driver() -> str:
+    """The driver's own version, where the system tells it, and that of the CUDA that it can do."""
+    file, cuda = Path("/proc/driver/nvidia/version"), runtime.driverGetVersion()
+    found = re.search(r"\b\d{3}\.[\d.]*\d\b", file.read_text("utf-8")) if file.exists() else None
+    return f"{found.group() if found else 'unknown'}, CUDA {cuda // 1000}.{cuda % 1000 // 10}"

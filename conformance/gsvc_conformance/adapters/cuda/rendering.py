@@ -113,7 +113,7 @@ class Scene:
     def gradients(self, parameters: Buffer, splat_count: int, scale: float, into: Buffer) -> None:
         """The gradients, (splat_count, 8) f4, times `scale`, of the moments that a kernel has left."""
         launch(
-            "add_gradients", -(-splat_count // SPLATS_OF_BLOCK), 32 * SPLATS_OF_BLOCK, self.told, parameters,
+            "grad_splats", -(-splat_count // SPLATS_OF_BLOCK), 32 * SPLATS_OF_BLOCK, self.told, parameters,
             splat_count, self.moments, np.float64(scale), into,
         )  # fmt: skip
 
