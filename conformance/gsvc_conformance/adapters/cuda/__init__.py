@@ -10,8 +10,8 @@ NVIDIA's compiler does. Both keep what they have compiled in the folder gsvc-cud
 
 The kernels are in `kernels/`, to be read in this order: common.cuh, splats.cuh, lists.cu, tiles.cuh, sums.cuh,
 rendering.cu, gradients.cu; then training.cu and quantization.cu. A frame is two launches: a warp for each splat sets
-its bit in the lists of the regions that it touches, and a warp for each tile of 16 x 16 pixels adds up the splats of
-its list, eight pixels a lane. Nothing is sorted, a list is in the order of the splats, and the picture is written once.
+its bit in the lists of the regions that it touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients)
+adds up the splats of its list. Nothing is sorted, a list is in the order of the splats, and a pixel is written once.
 `rendering.Scene` and `evaluation.Evaluation` are the same for callers whose pictures and gradients stay on the device.
 
 What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
