@@ -13,6 +13,7 @@ rendering.cu, gradients.cu; then training.cu and quantization.cu. A frame is two
 its bit in the lists of the regions that it touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients)
 adds up the splats of its list. Nothing is sorted, a list is in the order of the splats, and a pixel is written once.
 `rendering.Scene` and `evaluation.Evaluation` are the same for callers whose pictures and gradients stay on the device.
+`fitting.Evaluator` is what ``gsvc encode --device cuda`` asks for losses and gradients.
 
 What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
 --ftz=false, --prec-div=true and --prec-sqrt=true, and each operation that decides is written as __fmul_rn, __fadd_rn,
