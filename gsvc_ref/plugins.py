@@ -13,6 +13,9 @@ package offers, by the functions here:
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
 most is registered with the name of a module, which is imported when it is used.
 
+A device on which losses and gradients can be computed is an entry point of its own, in the group "gsvc_ref.devices":
+its name, such as ``cuda``, and a class that makes a `gsvc_ref.rendering.Evaluator` of a target and a background.
+
 All rooms import this module, so it imports none of them, and their types are Any here.
 """
 
@@ -25,6 +28,9 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, Protocol, cast
 
 GROUP: Final = "gsvc_ref.plugins"
+DEVICES: Final = "gsvc_ref.devices"
+
+CPU: Final = "cpu"  # the device that no plug-in offers
 
 
 class NamedSource(NamedTuple):
@@ -168,6 +174,23 @@ def vmaf_meter() -> MakeVmafMeter | None:
     """The meter of the module that was given to `set_vmaf_meter` last, or None."""
     _load()
     return cast("MakeVmafMeter", import_module(_vmaf_meters[-1]).VmafMeter) if _vmaf_meters else None
+
+
+def check_device(name: str) -> None:
+    """Refuse a device that is not there, with a UsageError that says which are."""
+    if name != CPU and name not in devices():
+        from gsvc_base.errors import UsageError
+
+        more = "" if "cuda" in devices() else "; cuda comes with pip install 'gsvc-conformance[cuda]'"
+        raise UsageError(f"there is no device {name!r}, only {', '.join((CPU, *devices()))}{more}")
+
+
+@cache
+def devices() -> Mapping[str, Any]:
+    """The entry point of each device but the CPU; its `load` gives the class."""
+    from importlib.metadata import entry_points
+
+    return {entry.name: entry for entry in entry_points(group=DEVICES)}
 
 
 @cache
