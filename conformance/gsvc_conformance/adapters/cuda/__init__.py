@@ -7,10 +7,33 @@ The second line needs no GPU.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment
+from gsvc_conformance.adapters.cuda.main_profile import MAIN
 from gsvc_conformance.adapters.cuda.rendering import to_frame, to_frame_deterministic
+from gsvc_conformance.adapters.cuda.streams import OPERATIONS
 
 __all__ = [
     "environment",
     "to_frame",
     "to_frame_deterministic",
 ]
+
+adapt_model = MAIN.adapt_model
+cells_of_halves = MAIN.cells_of_halves
+codes_of_classes = MAIN.codes_of_classes
+density_frequencies = MAIN.density_frequencies
+encode_run = MAIN.encode_run
+field_vectors = MAIN.field_vectors
+half_frequencies = MAIN.half_frequencies
+main_inter = MAIN.main_inter
+main_intra = MAIN.main_intra
+main_work = MAIN.main_work
+mode_contexts = MAIN.mode_contexts
+model_frequencies = MAIN.model_frequencies
+motion_of_splats = MAIN.motion_of_splats
+splat_classes = MAIN.splat_classes
+state_parameters = MAIN.state_parameters
+window_frequencies = MAIN.window_frequencies
+
+read_main_stream = OPERATIONS["read_main_stream"]
+reconstruct_layers = OPERATIONS["reconstruct_layers"]
+reconstruct_stream = OPERATIONS["reconstruct_stream"]
