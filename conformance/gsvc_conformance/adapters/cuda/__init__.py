@@ -8,6 +8,14 @@ The second line needs no GPU.
 
 from gsvc_conformance.adapters.cuda.device import environment
 from gsvc_conformance.adapters.cuda.main_profile import MAIN
+from gsvc_conformance.adapters.cuda.reconstruction import (
+    from_half,
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    rendering_work,
+    to_half,
+)
 from gsvc_conformance.adapters.cuda.rendering import to_frame, to_frame_deterministic
 from gsvc_conformance.adapters.cuda.streams import OPERATIONS
 
@@ -37,3 +45,6 @@ window_frequencies = MAIN.window_frequencies
 read_main_stream = OPERATIONS["read_main_stream"]
 reconstruct_layers = OPERATIONS["reconstruct_layers"]
 reconstruct_stream = OPERATIONS["reconstruct_stream"]
+read_stream = OPERATIONS["read_stream"]
+decode_plane = OPERATIONS["decode_plane"]
+seek = OPERATIONS["seek"]

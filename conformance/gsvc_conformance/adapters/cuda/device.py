@@ -91,6 +91,11 @@ def download(buffer: Buffer, shape: tuple[int, ...], dtype: Any) -> Array:
     return values.view(dtype).reshape(shape)
 
 
+def address(buffer: Buffer) -> int:
+    """Where a buffer is on the device, for a structure that has it; somebody else has to keep the buffer."""
+    return int(machine().address(buffer))
+
+
 def synchronize() -> None:
     """Wait until all that was launched has ended."""
     machine().synchronize()

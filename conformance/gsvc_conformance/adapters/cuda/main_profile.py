@@ -185,7 +185,7 @@ def field_cells(width: int, height: int) -> int:
 
 def workspace_size(before: int, count: int, cells: int) -> int:
     """Bytes of the arrays of a frame: see `begin_frame` of main_body.cu."""
-    return 29 * before + 63 * count + cells + 2**16
+    return 29 * before + 64 * count + cells + 2**16
 
 
 def most_symbols(before: int, count: int, width: int, height: int) -> int:

@@ -8,7 +8,6 @@
 
 #define MOST_LANES 4096
 #define GROUP 32
-#define LOWEST_STATE 0x10000u
 
 /* The rules that a body can break; 0: none. reading.py has them in the same order. */
 enum Rule {

@@ -2,7 +2,7 @@
 
 #pragma once
 
-#include "common.cuh"
+#include "rans.cuh"
 
 #define TOTAL 16384u                        /* 2^14, the sum of all frequencies */
 #define ROWS 33                             /* contexts of all models, in this order: */
@@ -34,10 +34,6 @@ struct Window {
     Distribution bins;
     int first;                              /* code of the first bin, without its low bits */
     unsigned low_bits;
-};
-
-struct Symbol {
-    unsigned value, start, frequency;       /* s, c(s), f(s) */
 };
 
 static __device__ __forceinline__ int clipped(int value, int low, int high)
@@ -174,21 +170,7 @@ static __device__ void adapt_context(const unsigned *counts, const unsigned *see
         after[s] = used ? counts[s] - ((counts[s] + 7) >> 3) + 64 * seen[s] : counts[s];
 }
 
-/* The symbol of a slot, by a table of C. */
-template <class Number> __device__ __forceinline__ Symbol symbol_of_table(const Number *C, unsigned bins, unsigned slot)
-{
-    unsigned low = 0, high = bins;          /* C[low] <= slot < C[high] */
-    while (high - low > 1) {
-        unsigned middle = (low + high) / 2;
-        if (C[middle] <= slot)
-            low = middle;
-        else
-            high = middle;
-    }
-    return {low, C[low], (unsigned)C[low + 1] - C[low]};
-}
-
-/* The same without a table. */
+/* The symbol of a slot, without a table of C. */
 static __device__ __forceinline__ Symbol symbol_of_density(const Tables &tables, const Distribution &d, unsigned slot)
 {
     unsigned low = 0, high = d.bins, start = 0, end = TOTAL;
