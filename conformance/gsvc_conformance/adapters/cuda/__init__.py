@@ -17,7 +17,7 @@ from gsvc_conformance.adapters.cuda.reconstruction import (
     to_half,
 )
 from gsvc_conformance.adapters.cuda.rendering import to_frame, to_frame_deterministic
-from gsvc_conformance.adapters.cuda.streams import OPERATIONS
+from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
 
 __all__ = [
     "environment",
@@ -42,9 +42,10 @@ splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
 window_frequencies = MAIN.window_frequencies
 
-read_main_stream = OPERATIONS["read_main_stream"]
-reconstruct_layers = OPERATIONS["reconstruct_layers"]
-reconstruct_stream = OPERATIONS["reconstruct_stream"]
-read_stream = OPERATIONS["read_stream"]
-decode_plane = OPERATIONS["decode_plane"]
-seek = OPERATIONS["seek"]
+read_main_stream = NAMES["read_main_stream"]
+reconstruct_layers = NAMES["reconstruct_layers"]
+reconstruct_stream = NAMES["reconstruct_stream"]
+decode_layers = NAMES["decode_layers"]
+read_stream = NAMES["read_stream"]
+decode_plane = NAMES["decode_plane"]
+seek = NAMES["seek"]

@@ -24,16 +24,15 @@ RULES: Final = (
     "R-15.5-4", "R-3.1-4", "R-6.6-5", "R-15.6-5", "R-7-1", "R-5-4",
 )  # fmt: skip
 """`Rule` of main_run.cuh, by number."""
-LEVEL_MOST: Final = 2**22
-"""Splats that any level allows."""
 THREADS: Final = 256
 """Threads of a block where each item has its own."""
 
 TOLD: Final = np.dtype(
     [
         *((name, "u4") for name in ("body_at", "end", "checked", "intra", "width", "height", "max_lane_exponent")),
-        *((name, "i4") for name in ("splat_limit", "own_splat_limit")),
-        ("work_limit", "u8"),
+        ("splat_limits", "i4", 2),
+        ("halvings", "u4"),
+        ("work_limits", "u8", 2),
     ],
     align=True,
 )
@@ -42,7 +41,7 @@ STATUS: Final = np.dtype(
     [
         *((name, "u4") for name in ("rule", "bit", "count", "before", "new_count", "quantizer", "lane_exponent")),
         *((name, "u4") for name in ("motion_cell", "densities_present", "symbols")),
-        ("work", "u8"),
+        ("works", "u8", 2),
     ],
     align=True,
 )
@@ -163,19 +162,17 @@ class Reading:
     status: Buffer
 
 
-def new_splats(body: bytes) -> int:
-    """How many new splats a frame_body() has at most; 0 if it is at fault, for then none is made."""
+def new_splats(body: bytes, most: int) -> int:
+    """How many new splats a frame_body() has, by its first bytes; 0 if more than are allowed, for then none is made."""
     if len(body) < 2 or not body[0] & 1:
         return 0
-    at = 1 + (body[0] >> 1 & 1)
-    groups_of_7 = body[at : at + 5]
-    value = 0
-    for place, byte in enumerate(groups_of_7):
-        value |= (byte & 0x7F) << 7 * place
+    splat_number = 0
+    for place, byte in enumerate(body[1 + (body[0] >> 1 & 1) :][:5]):
+        splat_number |= (byte & 0x7F) << 7 * place
         if byte < 0x80:
             break
-    count = value // 2 + 1
-    return count if count <= LEVEL_MOST else 0
+    count = splat_number // 2 + 1
+    return count if count <= most else 0
 
 
 def field_cells(width: int, height: int) -> int:
@@ -274,13 +271,13 @@ def body_functions(names: dict[str, Any]) -> dict[str, Any]:
     def read_main_body(p: Any, frame_type: str, main: MainState, header: Any, limits: Any) -> dict[str, Any]:
         data, base = p.data[p.at // 8 :], p.position()
         told = np.zeros((), TOLD)
-        told["end"], told["intra"], told["work_limit"] = len(data), frame_type == "I", 2**64 - 1
-        told["splat_limit"], told["own_splat_limit"] = limits["splats"], limits["own_splats"]
+        told["end"], told["intra"], told["work_limits"] = len(data), frame_type == "I", 2**64 - 1
+        told["splat_limits"] = limits["splats"], limits["own_splats"]
         for name in ("width", "height", "max_lane_exponent"):
             told[name] = header[name]
-        before = main.splats
+        before, count = main.splats, new_splats(data[:8], limits["splats"])
         text = upload(np.frombuffer(data, np.uint8), np.uint8)
-        reading = read_body(text, told[()], before, new_splats(data), uploaded_field(main.inherited), traced=True)
+        reading = read_body(text, told[()], before, count, uploaded_field(main.inherited), traced=True)
         status = download(reading.status, (), STATUS)
         if status["rule"] > 0:
             raise names["Fault"](RULES[status["rule"]], base + int(status["bit"]))

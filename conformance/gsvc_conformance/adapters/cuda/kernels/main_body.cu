@@ -30,8 +30,9 @@ struct Told {
     int intra;                              /* 1: the frame is an I */
     int width, height;
     unsigned max_lane_exponent;
-    int splat_limit, own_splat_limit;       /* R-5-2, R-5-9; below 0 if other layers have more */
-    unsigned long long work_limit;          /* R-5-4 */
+    int splat_limits[2];                    /* R-5-2 and R-5-9; below 0 if other layers have more */
+    unsigned halvings;                      /* of the operating point */
+    unsigned long long work_limits[2];      /* R-5-4 and R-5-9 */
 };
 
 /* What the host may ask for afterwards. */
@@ -39,7 +40,7 @@ struct Status {
     unsigned rule, bit;                     /* of the fault, counted from the beginning of the text */
     unsigned count, before, new_count;
     unsigned quantizer, lane_exponent, motion_cell, densities_present, symbols;
-    unsigned long long work;
+    unsigned long long works[2];            /* of the frame, and at the size of the operating point */
 };
 
 /* A motion field in memory: these numbers, and behind them the vectors. */
@@ -81,7 +82,6 @@ struct Shared {
     unsigned halving_codes[32];
     unsigned text_at, groups, first_word;   /* bytes: the lane states, the first word */
     unsigned wrong_lane;
-    unsigned long long work;
     unsigned crc_table[256], crc_powers[32], crc;
 };
 
@@ -163,8 +163,8 @@ static __device__ void read_head(Bits &p, const Told &told, const Layer &layer, 
         status.densities_present = splat_number % 2;
     }
     long long splats = (long long)status.new_count + layer.count;
-    p.require(splats <= told.splat_limit, R_5_2);
-    p.require(splats <= told.own_splat_limit, R_5_9);
+    p.require(splats <= told.splat_limits[0], R_5_2);
+    p.require(splats <= told.splat_limits[1], R_5_9);
     bool none = status.new_count > 0 && !status.densities_present;
     p.require(!none || !told.intra, R_15_5_3);
     p.require(!none || layer.has_densities, R_15_5_4);
@@ -729,10 +729,12 @@ static __device__ void read_run(const Told &told, const Tables &tables, const La
         add_splats(f, states_after + staying, past_after + staying, told.intra ? 0 : 2);
     }
     __syncthreads();
-    unsigned long long work = 0;
-    for (unsigned n = threadIdx.x; n < staying + f.count; n += blockDim.x)
-        work += work_of(tables, states_after[n], f.width, f.height, 0);
-    atomicAdd(&shared.work, work);
+    for (int k = 0; k < 2; k++) {
+        unsigned long long work = 0;
+        for (unsigned n = threadIdx.x; n < staying + f.count; n += blockDim.x)
+            work += work_of(tables, states_after[n], f.width, f.height, k * told.halvings);
+        atomicAdd(&shared.status.works[k], work);
+    }
     if (threadIdx.x == 0) {
         shared.status.count = staying + f.count;
         shared.status.symbols = run.decoded;
@@ -753,7 +755,6 @@ read_body(const unsigned char *text, Told told, const Tables *tables, const Laye
         shared.status = {};
         shared.status.before = layer->count;
         shared.wrong_lane = MOST_LANES;
-        shared.work = 0;
     }
     for (unsigned at = threadIdx.x; at < ROWS * SYMBOLS; at += blockDim.x)
         (&shared.seen[0][0])[at] = 0;
@@ -784,14 +785,15 @@ read_body(const unsigned char *text, Told told, const Tables *tables, const Laye
     for (unsigned at = threadIdx.x; at < 32; at += blockDim.x)
         layer_after->halving_codes[at] = shared.halving_codes[at];
     if (threadIdx.x == 0) {
-        shared.status.work = shared.work;
-        if (shared.work > told.work_limit)
-            refuse(shared.status, R_5_4, 0);
-        if (found.rule != SOUND)
+        for (int k = 0; k < 2; k++)
+            if (found.works[k] > told.work_limits[k])
+                refuse(shared.status, k ? R_5_9 : R_5_4, 0);
+        bool sound = found.rule == SOUND;
+        if (!sound)
             shared.status.count = 0;
         layer_after->count = found.count;
-        layer_after->quantizer = found.quantizer;
-        layer_after->has_densities = layer->has_densities || found.densities_present;
+        layer_after->quantizer = sound ? found.quantizer : 0;
+        layer_after->has_densities = sound && (layer->has_densities || found.densities_present);
         *status = found;
     }
 }

@@ -191,3 +191,15 @@ extern "C" __global__ void state_parameters(const Tables *tables, const State *s
     if (n < told.n[0])
         parameters_of(*tables, states[n], parameters + 8 * n);
 }
+
+/* The parameters of a frame; what is behind the last splat, up to `most`, is no splat (9.1). */
+extern "C" __global__ void frame_parameters(const Tables *tables, const State *states, const unsigned *count, unsigned most,
+                                            unsigned *parameters)
+{
+    unsigned n = thread_number();
+    if (n < *count)
+        parameters_of(*tables, states[n], parameters + 8 * n);
+    else if (n < most)
+        for (int column = 0; column < 8; column++)
+            parameters[8 * n + column] = 0;
+}
