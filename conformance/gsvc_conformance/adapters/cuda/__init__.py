@@ -16,11 +16,26 @@ from gsvc_conformance.adapters.cuda.reconstruction import (
     rendering_work,
     to_half,
 )
-from gsvc_conformance.adapters.cuda.rendering import to_frame, to_frame_deterministic
+from gsvc_conformance.adapters.cuda.rendering import (
+    render_frame,
+    render_gradients,
+    render_sum,
+    render_sum_deterministic,
+    scale_parameters,
+    scale_parameters_filtered,
+    to_frame,
+    to_frame_deterministic,
+)
 from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
 
 __all__ = [
     "environment",
+    "render_frame",
+    "render_gradients",
+    "render_sum",
+    "render_sum_deterministic",
+    "scale_parameters",
+    "scale_parameters_filtered",
     "to_frame",
     "to_frame_deterministic",
 ]

@@ -28,7 +28,7 @@ import numpy as np
 
 from gsvc_conformance import spec
 from gsvc_conformance.adapters.cuda import device
-from gsvc_conformance.adapters.cuda.device import Array, Buffer, download, launch, storage
+from gsvc_conformance.adapters.cuda.device import Array, Buffer, clear, download, launch, storage
 from gsvc_conformance.adapters.cuda.main_profile import (
     FIELD_HEAD,
     LAYER,
@@ -324,7 +324,7 @@ class Decoder:
     def _render(self, slot: Slot, most: int) -> None:
         if self.header["flags"] & PARAMETER_CHECKSUM:
             threads = groups(8 * most, CHECKSUM_WORDS)
-            slot.checksum[:] = 0
+            clear(slot.checksum)
             launch(
                 "parameter_checksum", groups(threads), THREADS, slot.parameters, slot.layer.head, slot.checksum,
                 exact=True,

@@ -11,6 +11,7 @@ Launches run in order on CuPy's current stream and nobody waits for them: errors
 
 import ctypes
 import os
+from collections.abc import Callable
 from functools import cache
 from types import ModuleType
 from typing import Any, Final
@@ -84,16 +85,35 @@ def upload(array: Any, dtype: Any) -> Buffer:
     return machine().upload(values) if values.nbytes else storage(1)
 
 
+def address(buffer: Buffer) -> int:
+    """Where a buffer is on the device, for a pointer inside of a structure."""
+    return int(machine().address(buffer))
+
+
+def clear(buffer: Buffer) -> None:
+    """Set a buffer to zero, in the order of launches."""
+    machine().clear(buffer)
+
+
+def replay(work: Callable[[], None]) -> Callable[[], None]:
+    """What some work launches, as one call that starts all of it again: a CUDA graph, which costs the host next to nothing.
+
+    Parameters
+    ----------
+    work
+        It only launches and clears: it allocates nothing, downloads nothing, and does the same each time. It is done
+        once before it is recorded.
+    """
+    work()
+    replayed: Callable[[], None] = machine().replay(work)
+    return replayed
+
+
 def download(buffer: Buffer, shape: tuple[int, ...], dtype: Any) -> Array:
     """The array that a buffer begins with; it waits for the kernels before it."""
     count = int(np.prod(shape, dtype=np.int64))
     values: Array = machine().download(buffer, count * np.dtype(dtype).itemsize)
     return values.view(dtype).reshape(shape)
-
-
-def address(buffer: Buffer) -> int:
-    """Where a buffer is on the device, for a structure that has it; somebody else has to keep the buffer."""
-    return int(machine().address(buffer))
 
 
 def synchronize() -> None:

@@ -101,6 +101,26 @@ def address(buffer: cupy.ndarray) -> int:
     return buffer.data.ptr
 
 
+def clear(buffer: cupy.ndarray) -> None:
+    """Set a buffer to zero, in the order of the current stream."""
+    with explaining():
+        buffer.data.memset_async(0, buffer.nbytes, cupy.cuda.get_current_stream())
+
+
+def replay(work: Callable[[], None]) -> Callable[[], None]:
+    """Work as a graph, recorded from what it launches on a stream of its own and started on the current one."""
+    stream = cupy.cuda.Stream(non_blocking=True)
+    with explaining(), stream:
+        stream.begin_capture()
+        work()
+        graph = stream.end_capture()
+
+    def start() -> None:
+        graph.launch(cupy.cuda.get_current_stream())
+
+    return start
+
+
 def synchronize() -> None:
     """Wait for what was launched on the current stream, and hear of its errors."""
     with explaining():

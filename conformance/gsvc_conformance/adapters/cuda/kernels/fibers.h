@@ -18,7 +18,7 @@
 
 #define __global__
 #define __device__
-#define __constant__ static const
+#define __constant__ static
 #define __shared__ static
 #define __forceinline__ inline
 #define __launch_bounds__(...)
