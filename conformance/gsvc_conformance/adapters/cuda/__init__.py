@@ -26,7 +26,7 @@ from gsvc_conformance.adapters.cuda.rendering import (
     to_frame,
     to_frame_deterministic,
 )
-from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
+from gsvc_conformance.adapters.cuda.streams import STREAMS, decode_stream, decode_stream_deterministic
 
 __all__ = [
     "environment",
@@ -57,10 +57,10 @@ splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
 window_frequencies = MAIN.window_frequencies
 
-read_main_stream = NAMES["read_main_stream"]
-reconstruct_layers = NAMES["reconstruct_layers"]
-reconstruct_stream = NAMES["reconstruct_stream"]
-decode_layers = NAMES["decode_layers"]
-read_stream = NAMES["read_stream"]
-decode_plane = NAMES["decode_plane"]
-seek = NAMES["seek"]
+read_main_stream = STREAMS["read_main_stream"]
+reconstruct_layers = STREAMS["reconstruct_layers"]
+reconstruct_stream = STREAMS["reconstruct_stream"]
+decode_layers = STREAMS["decode_layers"]
+read_stream = STREAMS["read_stream"]
+decode_plane = STREAMS["decode_plane"]
+seek = STREAMS["seek"]

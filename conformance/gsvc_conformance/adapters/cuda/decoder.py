@@ -6,9 +6,9 @@
         picture.samples()        # an array; it waits, and raises the fault of the stream if there is one so far
 
 The host walks from chunk to chunk and reads what stands in front of a frame_body(). It hands the bytes of the chunk to
-the kernel `read_body`, which finds everything else, the checksum of the chunk included; what follows is launched for as
-many splats as there may be. So the host never asks how many there are. It hears of a fault, of the rendering work and of
-a wrong `parameter_checksum` when a picture is asked for, or when a slot is used again, DEPTH frames later.
+the kernel `read_body`, which finds everything else, the checksum of the chunk included; what follows is launched for
+as many splats as there may be. So the host never asks how many there are. It hears of a fault, of the rendering work
+and of a wrong `parameter_checksum` when a picture is asked for, or when a slot is used again, DEPTH frames later.
 
     reading    | frame 0 | frame 1 | frame 2 |          bytes -> states -> parameters
     rendering            | frame 0 | frame 1 | frame 2 |          parameters -> samples
@@ -26,7 +26,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance import spec
 from gsvc_conformance.adapters.cuda import device
 from gsvc_conformance.adapters.cuda.device import Array, Buffer, clear, download, launch, storage
 from gsvc_conformance.adapters.cuda.main_profile import (
@@ -46,6 +45,7 @@ from gsvc_conformance.adapters.cuda.main_profile import (
 )
 from gsvc_conformance.adapters.cuda.reconstruction import CHECKSUM_WORDS
 from gsvc_conformance.adapters.cuda.rendering import Scene
+from gsvc_conformance.adapters.host import code_of_spec
 from gsvc_conformance.adapters.main_operations import groups
 
 DEPTH: Final = 4
@@ -117,7 +117,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Check:
-    """What is left to be seen of a frame once the device has it; of a chunk after it, with the number of the next one."""
+    """What is left to be checked once the device has a frame; of a chunk `n` it has the number of the next frame."""
 
     number: int
     run: Callable[[], None]
@@ -133,12 +133,14 @@ class Bound:
     """Number and new splats of each frame after it."""
 
     def add(self, number: int, count: int, intra: bool) -> None:
+        """A frame was launched."""
         if intra:
             self.splats = 0
             self.added.clear()
         self.added.append((number, count))
 
     def learn(self, number: int, count: int) -> None:
+        """The splats of a frame are known."""
         if self.added and self.added[0][0] <= number:
             while self.added and self.added[0][0] <= number:
                 self.added.popleft()
@@ -146,6 +148,7 @@ class Bound:
 
     @property
     def most(self) -> int:
+        """How many there are at most."""
         return self.splats + sum(count for _, count in self.added)
 
 
@@ -275,9 +278,7 @@ class Decoder:
         slot, waiting = self._slot, self._state.bytes_waiting
         self._state.bytes_waiting = 0
         assert slot is not None  # the first frame is an I-frame (R-6.4-2)
-        self._checks.append(
-            Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot)
-        )
+        self._checks.append(Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot))
         return Picture(self, frame["frame_number"], slot)
 
     def count_layer(self, chunk_bit: int) -> None:
@@ -361,7 +362,7 @@ def _compare_checksum(chunk: Any, names: dict[str, Any]) -> None:
 
 @cache
 def names() -> dict[str, Any]:
-    """The code of spec.md, whose container a Decoder reads, with functions that launch in the place of those that read."""
+    """The code of spec.md, which reads the container, with functions that launch in the place of those that read."""
 
     class MainState:
         """What the code of section 15.12 carries from frame to frame: the decoder has it."""
@@ -395,7 +396,7 @@ def names() -> dict[str, Any]:
         state.main.decoder.count_layer(chunk_bit)
 
     own = (MainState, read_main_body, complete_frame, count_layer)
-    made = spec.namespace(functions={function.__name__: function for function in own})
+    made = code_of_spec({function.__name__: function for function in own})
     read_whole_chunk = made["read_chunk"]
     made["read_chunk"] = read_chunk
     return made
