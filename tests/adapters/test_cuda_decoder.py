@@ -1,12 +1,9 @@
-"""The decoder of the CUDA adapter, as fibers on the CPU; with GSVC_CUDA=gpu on a GPU."""
+"""The decoder of the CUDA adapter, as fibers on the CPU; test_cuda.py has the vectors of its operations."""
 
 import hashlib
-import os
 
 import numpy as np
 import pytest
-
-os.environ.setdefault("GSVC_CUDA", "fibers")
 
 from gsvc_base.draws import Draws
 from gsvc_conformance import spec
@@ -20,24 +17,19 @@ from gsvc_ref.stream import decode_stream_deterministic
 from gsvc_ref.testing import join_chunks, split_chunks
 from gsvc_ref.testing.random_main_streams import random_main_stream
 
-pytestmark = pytest.mark.skipif(not device.available(), reason="there is neither a GPU nor a C++ compiler")
-
-MODULE = "gsvc_conformance.adapters.cuda"
-COMPONENTS = (
-    "density_frequencies", "window_frequencies", "half_frequencies", "codes_of_classes", "cells_of_halves",
-    "field_vectors", "model_frequencies", "adapt_model", "splat_classes", "main_intra", "motion_of_splats",
-    "mode_contexts", "main_inter", "main_work", "state_parameters", "encode_run",
-)  # fmt: skip
-PAPER = (
-    "decode_plane", "from_half", "to_half", "reconstruct_intra", "reconstruct_inter",
-    "parameter_checksum", "rendering_work",
-)  # fmt: skip
-STREAMS = (
-    "read_main_stream", "reconstruct_layers", "seek", "decode_stream", "decode_layers",
-    "decode_stream_deterministic",
-)  # fmt: skip
 PREFIX = 10
 """Bytes of a stream before its first chunk."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _on_fibers():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GSVC_CUDA", "fibers")
+        device.machine.cache_clear()
+        if not device.available():
+            pytest.skip("there is no C++ compiler")
+        yield
+    device.machine.cache_clear()
 
 
 @pytest.fixture
@@ -67,14 +59,6 @@ def _reconstructed(stream):
 
 def _same(found, expected):
     return all(np.array_equal(found[name], expected[name]) for name in expected)
-
-
-LONG = [pytest.param(name, marks=pytest.mark.exhaustive) for name in ("reconstruct_stream", "read_stream")]
-
-
-@pytest.mark.parametrize("operation", [*COMPONENTS, *PAPER, *STREAMS, *LONG])
-def test_vectors(judge, operation):
-    assert all(result.outcome == "pass" for result in judge(MODULE, operation))
 
 
 def test_a_decoder_finds_what_the_vectors_of_main_say_faults_included(vector_folder, without_pictures):
