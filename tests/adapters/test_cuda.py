@@ -160,11 +160,11 @@ def own_kernels(monkeypatch, tmp_path):
         for module in (sources, fibers):
             monkeypatch.setattr(module, "KERNELS", tmp_path)
         monkeypatch.setattr(sources, "SOURCES", ("own",))
-        for cached in (sources.kernels, sources.source_of, fibers.library):
+        for cached in (sources.kernels, sources.source_of, fibers.library, fibers.function):
             cached.cache_clear()
 
     yield made
-    for cached in (sources.kernels, sources.source_of, fibers.library):
+    for cached in (sources.kernels, sources.source_of, fibers.library, fibers.function):
         cached.cache_clear()
 
 
@@ -238,6 +238,7 @@ def _check_ptx(ptx, exact):
 def test_without_cupy_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "cupy", None)  # as if it were not there
     monkeypatch.delitem(sys.modules, f"{MODULE}.gpu", raising=False)
+    monkeypatch.delattr(cuda, "gpu", raising=False)
     monkeypatch.delenv("GSVC_CUDA")
     device.machine.cache_clear()
     with pytest.raises(RuntimeError, match=r"CuPy is not there: pip install 'gsvc-conformance\[cuda\]'"):

@@ -1,4 +1,4 @@
-"""GSVC in CUDA C++: decoder, rendering, gradients and the steps of training, on an NVIDIA GPU or, without one, as fibers.
+"""GSVC in CUDA C++: decoder, renderer and the steps of training, on an NVIDIA GPU or, without one, as fibers.
 
     gsvc-conformance run --module gsvc_conformance.adapters.cuda
     GSVC_CUDA=fibers gsvc-conformance run --module gsvc_conformance.adapters.cuda
@@ -11,14 +11,14 @@ NVIDIA's compiler does. Both keep what they have compiled in the folder gsvc-cud
 The kernels are in `kernels/`, to be read in this order: common.cuh, splats.cuh, lists.cu, tiles.cuh, sums.cuh,
 rendering.cu, gradients.cu; then training.cu and quantization.cu; and for the decoder blocks.cuh, crc.cuh, rans.cuh,
 reconstruct.cu, and of profile `main` main_tables.cuh, main_splats.cuh, main_parts.cuh, main_run.cuh, main_body.cu and
-main_operations.cu. A frame is two launches: a warp for each splat sets
-its bit in the lists of the regions that it touches, and a warp for each tile of 16 x 16 pixels adds up the splats of
-its list, eight pixels a lane. Nothing is sorted, a list is in the order of the splats, and the picture is written once.
-`rendering.Scene` and `evaluation.Evaluation` are the same for callers whose pictures and gradients stay on the device.
+main_operations.cu. A frame is two launches: a warp for each splat sets its bit in the lists of the regions that it
+touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients) adds up the splats of its list. Nothing is
+sorted, a list is in the order of the splats, and a pixel is written once. `rendering.Scene` and `evaluation.Evaluation`
+are the same for callers whose pictures and gradients stay on the device.
 
-`decoder.Decoder` makes pictures of the bytes of a stream of profile `main` without waiting for the device: read_body, one
-block, reads a frame, from the bits of its head to the states of its splats, and finds its faults; a warp decodes the
-symbols of 32 lanes. `python -m gsvc_conformance.adapters.cuda FILE.gsvc` says how fast that is. The container, and the
+`decoder.Decoder` makes pictures of the bytes of a stream of profile `main` without waiting for the device: read_body,
+one block, reads a frame, from the bits of its head to the states of its splats, and finds its faults; a warp decodes
+the symbols of 32 lanes. `python -m gsvc_conformance.adapters.cuda FILE.gsvc` says how fast that is. The container, and the
 planes' elements of profile `paper`, are read by the decoder inside spec.md, through `gsvc_conformance.adapters.host`.
 
 What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
@@ -29,7 +29,7 @@ exponential of the hardware. There are no atomic additions of float, which flush
 runs could change: gradients have the same bytes in every run.
 
 Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
-kernel spills in a loop.
+kernel that is launched spills registers.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment
