@@ -18,8 +18,9 @@ are the same for callers whose pictures and gradients stay on the device.
 
 `decoder.Decoder` makes pictures of the bytes of a stream of profile `main` without waiting for the device: read_body,
 one block, reads a frame, from the bits of its head to the states of its splats, and finds its faults; a warp decodes
-the symbols of 32 lanes. `python -m gsvc_conformance.adapters.cuda FILE.gsvc` says how fast that is. The container, and the
-planes' elements of profile `paper`, are read by the decoder inside spec.md, through `gsvc_conformance.adapters.host`.
+the symbols of 32 lanes. `python -m gsvc_conformance.adapters.cuda FILE.gsvc` says how fast that is. The container, and
+the elements of planes of profile `paper`, are read by the decoder inside spec.md, through
+`gsvc_conformance.adapters.host`.
 
 What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
 --ftz=false, --prec-div=true and --prec-sqrt=true, and each operation that decides is written as __fmul_rn, __fadd_rn,

@@ -155,7 +155,7 @@ class Launch:
     blocks, threads
         The grid, and a block of it. With an empty grid nothing is started.
     arguments
-        They are kept alive, and read when the kernel starts.
+        They are kept alive, and read when the kernel starts; an array of ctypes is a structure that may change between.
     exact
         Whether it is compiled for identical bytes: nothing fused, EXACT defined.
     """
