@@ -62,7 +62,7 @@ class Slot:
     def __init__(self, most: int, text_size: int, header: dict[str, int]) -> None:
         self.most, self.text_size = most, text_size
         self.told_bytes = (ctypes.c_ubyte * TOLD.itemsize)()
-        self.told = np.frombuffer(self.told_bytes, TOLD)[0:1].reshape(())
+        self.told = np.frombuffer(memoryview(self.told_bytes), TOLD)[0:1].reshape(())
         for name in ("width", "height", "max_lane_exponent"):
             self.told[name] = header[name]
         self.layer = Layer(most, storage(LAYER.itemsize), storage(32 * most), storage(most))
