@@ -376,8 +376,9 @@ static __device__ void read_half_bits(Frame &f, Run &run, Shared &shared, unsign
     int axis = halving % 2, inside = cells_inside(f.width, f.height, axis);
     const Part *part = f.part[halving % 2];
     unsigned *list = f.asked, *first = f.first;
-    read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[list[i]].splats); },
-             [&](unsigned i, unsigned low) { first[list[i]] += low; });
+    if (low_bits_of_half(f.count) > 0)      /* else no part has any */
+        read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[list[i]].splats); },
+                 [&](unsigned i, unsigned low) { first[list[i]] += low; });
     unsigned parts = split_parts(part, f.parts, axis, half_size(f.halvings, halving), inside, f.part[1 - halving % 2],
                                  [&](unsigned n) { return first[n]; });
     if (threadIdx.x == 0)
