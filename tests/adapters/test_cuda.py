@@ -312,6 +312,18 @@ def test_errors_say_what_to_do(said, advised):
     assert said in sentence
 
 
+@pytest.mark.skipif(importlib.util.find_spec("cupy") is None, reason="CuPy is one of the extra cuda")
+def test_what_cupy_raises_is_explained():
+    import cupy
+
+    from gsvc_conformance.adapters.cuda import gpu
+
+    with pytest.raises(RuntimeError, match=r"the GPU has no memory left: .*1,000 bytes"), gpu.explaining():
+        raise cupy.cuda.memory.OutOfMemoryError(1000, 2000, 2500)
+    with pytest.raises(RuntimeError, match=r"the watchdog of a display .*cudaErrorLaunchTimeout"), gpu.explaining():
+        raise cupy.cuda.runtime.CUDARuntimeError(702)
+
+
 def test_kernels_are_compiled_once(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     made = []
