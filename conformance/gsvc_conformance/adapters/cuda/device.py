@@ -126,6 +126,32 @@ def synchronize() -> None:
     machine().synchronize()
 
 
+def stream() -> Any:
+    """A stream beside the others, as CuPy has them: ``with`` makes it the current one."""
+    return machine().stream()
+
+
+def milliseconds(start: Any, end: Any) -> float:
+    """The time between two events that streams have recorded, once both have happened."""
+    return float(machine().milliseconds(start, end))
+
+
+def pinned(size: int) -> Array:
+    """So many bytes of the host, all zero, for `send` and `fetch`."""
+    memory: Array = machine().pinned(max(size, 1))
+    return memory
+
+
+def send(values: Array, buffer: Buffer) -> None:
+    """Copy pinned bytes to the beginning of a buffer in the order of the current stream: nobody waits."""
+    machine().send(values, buffer)
+
+
+def fetch(buffer: Buffer, values: Array) -> None:
+    """Copy the beginning of a buffer to pinned bytes in the order of the current stream: nobody waits."""
+    machine().fetch(buffer, values)
+
+
 class Launch:
     """A kernel with its arguments, which may be started many times: a call of it costs little more than CUDA's own.
 
@@ -136,7 +162,7 @@ class Launch:
     blocks, threads
         The grid, and a block of it. With an empty grid nothing is started.
     arguments
-        They are kept alive, and read when the kernel starts.
+        They are kept alive, and read when the kernel starts; an array of ctypes is a structure that may change between.
     exact
         Whether it is compiled for identical bytes: nothing fused, EXACT defined.
     """
@@ -167,6 +193,8 @@ def _three(size: Size) -> tuple[int, ...]:
 
 def _argument(value: Any) -> Any:
     """A parameter of a kernel in memory."""
+    if isinstance(value, ctypes.Array):
+        return value
     if isinstance(value, np.generic):
         return ctypes.create_string_buffer(value.tobytes(), value.nbytes)
     if type(value) is int:

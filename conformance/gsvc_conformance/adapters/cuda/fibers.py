@@ -4,6 +4,7 @@ import ctypes
 import os
 import shlex
 import subprocess
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -58,6 +59,58 @@ def replay(work: Callable[[], None]) -> Callable[[], None]:
 
 def synchronize() -> None:
     """There is nothing to wait for: a launch returns when the kernel has ended."""
+
+
+class Event:
+    """What has happened, and when."""
+
+    def __init__(self) -> None:
+        self.time = time.perf_counter()
+
+    def synchronize(self) -> None:
+        """It has happened."""
+
+
+class Stream:
+    """Nothing runs at the same time as anything else, so nobody waits: see `gpu.stream`."""
+
+    def __enter__(self) -> "Stream":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def record(self) -> Event:
+        """An event that happens now."""
+        return Event()
+
+    def wait_event(self, event: Event) -> None:
+        """It has happened."""
+
+
+def milliseconds(start: Event, end: Event) -> float:
+    """See `gpu.milliseconds`."""
+    return 1000 * (end.time - start.time)
+
+
+def stream() -> Stream:
+    """See `gpu.stream`."""
+    return Stream()
+
+
+def pinned(size: int) -> Array:
+    """Bytes, all zero."""
+    return np.zeros(size, np.uint8)
+
+
+def send(values: Array, buffer: Array) -> None:
+    """Copy bytes to the beginning of a buffer."""
+    buffer[: values.nbytes] = values
+
+
+def fetch(buffer: Array, values: Array) -> None:
+    """Copy the beginning of a buffer."""
+    values[:] = buffer[: values.nbytes]
 
 
 @cache
