@@ -94,7 +94,7 @@ def coverage_page(folder: Path = VECTORS, code: Code | None = None, elements: Co
             + _requirements(rules, there),
             "## Equations\n\n" + _equations(equations, there),
             "## Syntax elements\n\nOf all streams of the vectors: values of legal ones, and faults.\n\n"
-            + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(elements or element_coverage(folder))),
+            + _elements(elements or element_coverage(folder)),
             "## Code\n\n" + _code(code or reached(folder)),
             "## Mutants\n\nEach is the decoder inside spec.md with one mistake; every one must be found.\n\n"
             + _kill_table(there),
@@ -264,6 +264,10 @@ def _some(names: list[str], value: str) -> list[str]:
     if not names:
         return ["none", UNCOVERED.get(value, "**missing**")]
     return [str(len(names)), ", ".join(f"`{name}`" for name in names[:NAMED])]
+
+
+def _elements(found: Coverage) -> str:
+    return _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(found))
 
 
 def _kill_table(there: list[dict[str, Any]]) -> str:
