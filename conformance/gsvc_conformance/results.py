@@ -12,7 +12,7 @@ from gsvc_conformance.claim import Claim
 from gsvc_conformance.features import Features
 from gsvc_conformance.level import LEVELS
 from gsvc_conformance.names import dimensions, element
-from gsvc_conformance.operation import Group, operations
+from gsvc_conformance.operation import DRAWING, DRAWN, Group, operations
 from gsvc_conformance.profiles import ANY, PROFILES
 from gsvc_conformance.sets import quoted
 from gsvc_conformance.spec import complexity
@@ -402,6 +402,16 @@ class Report:
         names = [name for name in operations() if any(result.operation == name for result in self.results)]
         return [_summary(name, [result for result in self.results if result.operation == name]) for name in names]
 
+    def _needed(self) -> list[Result]:
+        """The results without those of operations that only a decoder that draws needs, where nothing is drawn.
+
+        Nothing is drawn by a claim without a class that draws, or if all vectors of such classes are unsupported.
+        """
+        drawing = {result.outcome for result in self.results if result.group in DRAWING}
+        if not {*DRAWING}.isdisjoint(self.claim.judged) if self.claim else drawing != {"unsupported"}:
+            return list(self.results)
+        return [one for one in self.results if one.operation not in DRAWN or one.outcome != "unsupported"]
+
     def groups(self) -> list[Summary]:
         """Each conformance class with its verdict, in the order of spec.md, section 13.1.
 
@@ -409,13 +419,14 @@ class Report:
         and those of any profile; where nothing of any profile is answered, one verdict for all. In a run that ended
         early no class passes, since nobody knows about the vectors that are left.
         """
-        there = {result.group for result in self.results}
+        results = self._needed()
+        there = {result.group for result in results}
         names = [name for name in get_args(Group) if name in there]
         claimed = self.claim.level if self.claim else None
         summaries = [
             summary
             for name in names
-            for summary in _classes(name, [result for result in self.results if result.group == name], claimed)
+            for summary in _classes(name, [result for result in results if result.group == name], claimed)
         ]
         if not self.ended:
             return summaries
