@@ -290,6 +290,16 @@ FAULTY_LAYERS: Final = {
         (*SIZE.items(), ("paced_flag", True)),
         complete=9,
     ),
+    "distance_of_i_frames": FaultyLayer(
+        (LayerPlan(0, 1, LAYER_I), LayerPlan(3, 1, LAYER_I)),
+        "R-5-8",
+        "an I-frame is due in a paced stream, and a layer had one a second ago",
+        "I-frames of the base count alone",
+        (Plan("I", 2), *[Plan("R")] * 4),
+        (("paced_flag", True), ("frame_rate_numerator", 1)),
+        complete=4,
+        in_base=True,
+    ),
     "bytes_of_a_layer": FaultyLayer(
         (LayerPlan(0, 2, LAYER_I, lambda p: p.ljust(2**20, b"\0")),),
         "R-5-7",
