@@ -19,9 +19,10 @@ from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.json import from_object, to_object
 from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import sums_of
+from gsvc_conformance.verdicts import Report
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vector set": "1"}
 SET = "GSVC vectors 1 (sha256 18fb5299…)"

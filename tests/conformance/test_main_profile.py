@@ -18,9 +18,10 @@ from gsvc_conformance.operation import operations
 from gsvc_conformance.pairs import sections
 from gsvc_conformance.profiles import ANY, OF_PAPER, PROFILES, profile_of, stated_profile
 from gsvc_conformance.profiles import of_main as is_of_main
-from gsvc_conformance.results import Report, Result
+from gsvc_conformance.results import Result
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.verdicts import Report
 
 OF_MAIN: Final = [
     name for name in sections() if is_of_main(name) and all(port.type != "stream" for port in operations()[name].inputs)

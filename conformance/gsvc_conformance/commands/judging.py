@@ -32,10 +32,11 @@ from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import operations
 from gsvc_conformance.report.console import describe, last_line, progress_text
 from gsvc_conformance.report.kept import forget, keep_files
-from gsvc_conformance.results import FAULTS, Outcome, Report, Result
+from gsvc_conformance.results import FAULTS, Outcome, Result
 from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector import SPEC_VERSION, VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
+from gsvc_conformance.verdicts import Report
 from gsvc_conformance.waivers import Waivers, read_waivers, renewed, to_toml
 
 if TYPE_CHECKING:

@@ -11,8 +11,9 @@ from typing import Final
 from gsvc_base.cli.text import plural, table
 from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.diagnosis import EXAMINED, MAYBE, VAGUE, is_place
-from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Outcome, Report, Result, Summary, Table
+from gsvc_conformance.results import FAULTS, REFUSED, Outcome, Result, Table
 from gsvc_conformance.spec import complexity
+from gsvc_conformance.verdicts import Conclusion, Report, Summary
 
 INDENT: Final = "  "
 END_LINES: Final = 3
