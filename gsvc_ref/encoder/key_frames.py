@@ -155,8 +155,8 @@ class _Frame(NamedTuple):
 
 
 def exceeds(value: Fraction, values: Sequence[Fraction], threshold: Fraction) -> bool:
-    """Whether value > mean + threshold * standard deviation of the values, exactly."""
-    unit = math.lcm(value.denominator, *(other.denominator for other in values))
+    """Whether value > mean + threshold * standard deviation of the values, which are sums of floats, exactly."""
+    unit = max(other.denominator for other in (value, *values))  # all are powers of 2
     wholes = [other.numerator * (unit // other.denominator) for other in values]  # fewer operations than in fractions
     n, total, squares = len(wholes), sum(wholes), sum(whole * whole for whole in wholes)
     above = n * value.numerator * (unit // value.denominator) - total
