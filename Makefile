@@ -36,7 +36,7 @@ lowest: .venv-lowest/.ready-$(EXTRAS)            ## judge vectors and run tests 
 	.venv-lowest/bin/gsvc-conformance run --reference --quiet --show 3
 	.venv-lowest/bin/python -m pytest $(WORKERS) -m 'not exhaustive' --versions
 
-vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (over half an hour on two cores)
+vectors: .venv/.ready-all            ## write vectors/ again from the kit's cases (about 25 minutes of processor time, shared among the cores)
 	$(BIN)/gsvc-conformance generate
 	$(BIN)/gsvc-conformance list --markdown conformance/protocol.md
 	$(BIN)/gsvc-conformance verify

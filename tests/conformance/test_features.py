@@ -149,6 +149,12 @@ def test_operations_are_those_of_the_classes_and_those_named():
         assert (features.outside(frame), features.outside(plane)) == reasons
 
 
+def test_frames_of_layers_are_for_what_draws():
+    layers = next(vectors(tiers="core", operations="decode_layers"))
+    assert Features(classes=("layers", "deterministic")).outside(layers) == ""
+    assert Features(classes=("layers", "reconstruction")).outside(layers) == "the operation decode_layers"
+
+
 def test_all_needs_are_told():
     vector = next(v for v in vectors(tiers="core", operations="render_frame") if v.inputs["bit_depth"] == 8)
     above = replace(vector, manifest={**vector.manifest, "level": 4, "profile": "main"})
@@ -289,6 +295,7 @@ def test_a_claim_that_agrees(folder, toy_module, tmp_path, capsys):
         (Features(classes=("rendering",)), "rendering+bitstream,paper,2", "classes"),
         (Features(operations=("render_sum",)), "rendering,paper,2", "operations"),
         (Features(), "rendering,paper,2", ""),
+        (Features(classes=("layers", "bitstream")), "bitstream,main,2,layers", ""),
         (Features(level=2, profiles=("paper",), classes=("rendering", "sizes")), "rendering,paper,2,sizes", ""),
     ],
 )

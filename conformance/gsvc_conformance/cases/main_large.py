@@ -10,9 +10,10 @@ import numpy as np
 from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
+from gsvc_conformance.cases.lanes import random_symbols, run_of
 from gsvc_conformance.cases.large_rows import EDGES, FLAGS, PERIOD, repeated
-from gsvc_conformance.cases.main_entropy import random_symbols, run_of
-from gsvc_conformance.cases.main_states import Q, painted, place_bits, predicted, random_codes
+from gsvc_conformance.cases.main_states import place_bits, predicted, random_codes
+from gsvc_conformance.cases.states import Q, painted
 
 CELLS: Final = 4096
 """Most rows or columns of a motion field."""

@@ -10,7 +10,7 @@ from gsvc_base.draws import Draws
 from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases.building import Array, result
-from gsvc_conformance.cases.main_states import ints, painted, state
+from gsvc_conformance.cases.states import ints, painted, state
 
 RADIUS: Final = 3.3290429691304455 * (1 + 2.0**-17)
 """ρ′ of section 5."""
