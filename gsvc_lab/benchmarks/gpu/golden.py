@@ -1,0 +1,80 @@
+"""``python -m gsvc_lab.benchmarks.gpu.golden``: what gsvc_ref makes of the splats on the CPU, as digests to pack.
+
+The file is
+
+    {"sums": {"1920x1080_10000": ["SHA-256 of the splats", "SHA-256 of their deterministic sum"], ...},
+     "blocks": ["SHA-256 of the deterministic sums of draws 0 to 99", ...]}
+"""
+
+import argparse
+import hashlib
+import json
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from gsvc_base.arrays import F4
+from gsvc_base.files import write_text
+from gsvc_lab.benchmarks.gpu.splats import DRAWS, STREAM, TRAINED, Scene, drawn
+from gsvc_lab.benchmarks.material import CACHE, stream, trained_path
+from gsvc_ref import render_sum_deterministic
+
+GOLDEN: Final = CACHE / "golden.json"
+BLOCK: Final = 100
+"""Draws that have one digest."""
+
+Render = Callable[[F4, int, int], F4]
+"""A function from splats, width and height to the sum (9-2), (H, W, 3) f4."""
+
+
+def digest(*arrays: F4) -> str:
+    """SHA-256 of the bytes of arrays."""
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+
+
+def block_sums(block: int, render: Render) -> list[F4]:
+    """The sums of a block of draws."""
+    return [render(*drawn(number)) for number in range(BLOCK * block, BLOCK * (block + 1))]
+
+
+def made(path: Path, scenes: Sequence[Scene], draws: int) -> dict[str, Any]:
+    """The digests of scenes and of so many draws, with those that the file has already; they are kept in it."""
+    known: dict[str, Any] = json.loads(path.read_text()) if path.exists() else {"sums": {}, "blocks": []}
+    for scene in scenes:
+        splats = scene.splats()
+        if known["sums"].get(scene.id, [""])[0] != digest(splats):
+            total = render_sum_deterministic(splats, scene.width, scene.height)
+            known["sums"][scene.id] = [digest(splats), digest(total)]
+    blocks = known["blocks"]
+    while BLOCK * len(blocks) < draws:
+        blocks.append(digest(*block_sums(len(blocks), render_sum_deterministic)))
+        if len(blocks) % 20 == 0:
+            print(f"{BLOCK * len(blocks):,} of {draws:,} draws on the CPU", file=sys.stderr, flush=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(json.dumps(known, indent=1) + "\n", path)
+    return known
+
+
+def material() -> list[Path]:
+    """The files of splats and streams, made if they are missing."""
+    for scene in TRAINED:
+        scene.splats()
+    return [*(trained_path(scene.width, scene.height, scene.count) for scene in TRAINED), stream(STREAM, "main")]
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Make what is missing."""
+    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.golden", description=__doc__)
+    parser.add_argument("--json", type=Path, default=GOLDEN, metavar="FILE", help="where the digests go")
+    parser.add_argument("--draws", type=int, default=DRAWS, metavar="N", help=f"random sets of splats ({DRAWS:,})")
+    parser.add_argument("--list", action="store_true", help="name the files that this makes, and that measuring needs")
+    arguments = parser.parse_args(words)
+    if arguments.list:
+        print(*material(), arguments.json, sep="\n")
+        return
+    made(arguments.json, TRAINED, arguments.draws)
+
+
+if __name__ == "__main__":
+    main()

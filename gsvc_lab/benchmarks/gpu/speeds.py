@@ -1,0 +1,216 @@
+"""``python -m gsvc_lab.benchmarks.gpu.speeds NAME``: pictures and evaluations of one implementation, nothing copied.
+
+Splats, pictures and gradients stay on the device. Where there is CUDA its events measure, elsewhere the clock on the
+wall, from the first of several calls to the end of the last. The result has the form of the file that
+`gsvc_lab.benchmarks.adapters` writes.
+"""
+
+import argparse
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from gsvc_lab.benchmarks.gpu.outcome import Record
+from gsvc_lab.benchmarks.gpu.splats import SMALL, TRAINED, Scene
+from gsvc_lab.benchmarks.timing import Spread
+
+KINDS: Final = {
+    "picture": "picture, f4 sums, bounded",
+    "exact_picture": "picture, f4 sums, deterministic",
+    "frame": "picture, 8 bits, bounded",
+    "exact_frame": "picture, 8 bits, deterministic",
+    "evaluation": "loss and gradients",
+}
+"""Works by the beginning of their ids."""
+
+WARM_UP: Final = 3
+ROUNDS: Final = 7
+ROUND: Final = 0.02
+"""Seconds of calls between two looks at the clock, about."""
+MOST: Final = 50
+"""Calls between them at most."""
+
+Call = Callable[[], object]
+Timer = Callable[[Call, int], float]
+"""A function from a call and how often to make it to the seconds of all these calls."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What an implementation does with a scene, by kind, and what tells the time on its device."""
+
+    timer: Timer
+    calls: Mapping[str, Call]
+
+
+def cuda(scene: Scene) -> Bench:
+    """The CUDA adapter."""
+    raise NotImplementedError
+
+
+def opencl(scene: Scene) -> Bench:
+    """The OpenCL adapter, whose splats are copied to the device, too."""
+    from gsvc_conformance.adapters.opencl import device, rendering
+
+    splats, size = scene.splats(), (scene.width, scene.height)
+    return Bench(
+        wall(lambda: device.queue().finish()),
+        {
+            "picture": lambda: rendering.device_sum(splats, *size, exact=False),
+            "exact_picture": lambda: rendering.device_sum(splats, *size, exact=True),
+        },
+    )
+
+
+def webgpu(scene: Scene) -> Bench:
+    """The WebGPU adapter, whose splats are copied to the device, too; reading 4 bytes of a picture waits for it."""
+    from gsvc_conformance.adapters.webgpu import gpu, rendering
+
+    splats, size = scene.splats(), (scene.width, scene.height)
+    last: list[Any] = []
+
+    def draw(exact: bool) -> None:
+        last[:] = list(rendering.rendered(splats, *size, exact=exact))[-1:]
+
+    return Bench(
+        wall(lambda: gpu.device().queue.read_buffer(last[0].sums, size=4)),
+        {"picture": lambda: draw(False), "exact_picture": lambda: draw(True)},
+    )
+
+
+def pytorch(scene: Scene) -> Bench:
+    """The PyTorch adapter."""
+    import torch
+
+    from gsvc_conformance.adapters.pytorch.deterministic import render_deterministic
+    from gsvc_conformance.adapters.pytorch.device import tensor
+    from gsvc_conformance.adapters.pytorch.rendering import render
+
+    splats, size = tensor(scene.splats()), (scene.width, scene.height)
+    leaf, target = splats.clone().requires_grad_(), tensor(scene.target())
+
+    def evaluate() -> None:
+        torch.autograd.grad(((render(leaf, *size).clamp(0, 1) - target) ** 2).mean(), leaf)
+
+    return Bench(
+        torch_timer(splats.device.type),
+        {
+            "picture": torch.no_grad()(lambda: render(splats, *size)),
+            "exact_picture": torch.no_grad()(lambda: render_deterministic(splats, *size)),
+            "evaluation": evaluate,
+        },
+    )
+
+
+def gsplat_cuda(scene: Scene) -> Bench:
+    """The rasteriser of the paper's authors, without what its adapter does for degenerate splats."""
+    import torch
+    from gsplat.project_gaussians_2d import project_gaussians_2d
+    from gsplat.rasterize_sum import rasterize_gaussians_sum
+
+    from gsvc_conformance.adapters.gsplat_cuda import TILE, normalized, on_device
+
+    splats, (width, height) = on_device(scene.splats()), (scene.width, scene.height)
+    tiles = (-(-width // TILE), -(-height // TILE), 1)
+    ones, black = torch.ones_like(splats[:, :1]), torch.zeros_like(splats[0, 5:])
+    centers, factors, colors = normalized(splats[:, :2], width, height), splats[:, 2:5], splats[:, 5:]
+    leaves = [part.clone().requires_grad_() for part in (centers, factors, colors)]
+    target = on_device(scene.target())
+
+    def picture(centers: Any, factors: Any, colors: Any) -> Any:
+        projected = project_gaussians_2d(centers.contiguous(), factors.contiguous(), height, width, tiles)
+        return rasterize_gaussians_sum(*projected, colors, ones, height, width, TILE, TILE, background=black)
+
+    def evaluate() -> None:
+        torch.autograd.grad(((picture(*leaves).clamp(0, 1) - target) ** 2).mean(), leaves)
+
+    draw = torch.no_grad()(lambda: picture(centers, factors, colors.contiguous()))
+    return Bench(torch_timer("cuda"), {"picture": draw, "evaluation": evaluate})
+
+
+BENCHES: Final[dict[str, Callable[[Scene], Bench]]] = {
+    "cuda": cuda, "opencl": opencl, "webgpu": webgpu, "pytorch": pytorch, "gsplat_cuda": gsplat_cuda,
+}  # fmt: skip
+
+
+def wall(finish: Call) -> Timer:
+    """The clock on the wall; `finish` waits for what was called."""
+
+    def seconds(call: Call, count: int) -> float:
+        begin = time.perf_counter()
+        for _ in range(count):
+            call()
+        finish()
+        return time.perf_counter() - begin
+
+    return seconds
+
+
+def torch_timer(device: str) -> Timer:
+    """PyTorch's events of CUDA, or the wall's clock on a processor."""
+    import torch
+
+    if device != "cuda":
+        return wall(lambda: None)
+
+    def seconds(call: Call, count: int) -> float:
+        first, last = (torch.cuda.Event(enable_timing=True) for _ in range(2))
+        first.record()
+        for _ in range(count):
+            call()
+        last.record()
+        last.synchronize()
+        return float(first.elapsed_time(last)) / 1000
+
+    return seconds
+
+
+def measured(call: Call, timer: Timer) -> dict[str, float]:
+    """Seconds of one call: the median and the quartiles of several rounds of calls."""
+    for _ in range(WARM_UP):
+        call()
+    count = int(np.clip(ROUND / max(timer(call, 1), 1e-9), 1, MOST))
+    spread = Spread.of([timer(call, count) / count for _ in range(ROUNDS)])
+    return {"median": spread.median, "low": spread.low, "high": spread.high, "calls": ROUNDS * count}
+
+
+def measure(name: str, scenes: Sequence[Scene], record: Record) -> None:
+    """Measure all kinds on all scenes; what is known so far is always in the record."""
+    module = f"gsvc_conformance.adapters.{name}"
+    works = {f"{kind}_{scene.id}": f"{what}, {scene.name}" for kind, what in KINDS.items() for scene in scenes}
+    seconds: dict[str, dict[str, float]] = {}
+    missing: dict[str, str] = {}
+    entry = {
+        "implementation": module, "settings": {}, "environment": import_module(module).environment(),
+        "seconds": seconds, "missing": missing,
+    }  # fmt: skip
+    rates = [work for work in works if not work.startswith("evaluation")]
+    record.keep(works=works, rates=rates, implementations=[entry])
+    for scene in scenes:
+        bench = BENCHES[name](scene)
+        for kind, call in bench.calls.items():
+            try:
+                seconds[f"{kind}_{scene.id}"] = measured(call, bench.timer)
+            except Exception as error:  # whatever a driver meets; the rest may be possible
+                missing[f"{kind}_{scene.id}"] = f"{type(error).__name__}: {error}"
+            record.keep()
+    record.end()
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Measure one implementation."""
+    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.speeds", description=__doc__)
+    parser.add_argument("name", choices=BENCHES)
+    parser.add_argument("--small", action="store_true", help="a small scene instead of the trained ones")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the numbers go")
+    arguments = parser.parse_args(words)
+    measure(arguments.name, SMALL if arguments.small else TRAINED, Record(arguments.json))
+
+
+if __name__ == "__main__":
+    main()

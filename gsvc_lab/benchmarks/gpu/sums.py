@@ -1,0 +1,97 @@
+"""``python -m gsvc_lab.benchmarks.gpu.sums MODULE``: are an implementation's deterministic sums those of the CPU, to the byte?
+
+It renders the scenes, and then the draws in blocks, and holds their digests against the packed ones. Where a digest is
+another, gsvc_ref renders the same here, and the bytes that differ are counted.
+"""
+
+import argparse
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gsvc_base.arrays import F4
+from gsvc_lab.benchmarks.gpu.golden import BLOCK, GOLDEN, Render, block_sums, digest, made
+from gsvc_lab.benchmarks.gpu.outcome import Record
+from gsvc_lab.benchmarks.gpu.splats import DRAWS, SMALL, TRAINED, Scene
+from gsvc_ref import render_sum_deterministic
+
+
+@cache
+def renderer(module: str) -> Render:
+    """An implementation's function, as the kit calls it."""
+    function = import_module(module).render_sum_deterministic
+
+    def render(splats: F4, width: int, height: int) -> F4:
+        with np.errstate(all="ignore"):
+            total: F4 = function(splats, width, height)["sum"]
+        return total
+
+    return render
+
+
+def differing_bytes(ours: F4, theirs: F4) -> int:
+    """The number of bytes that differ; all of them if the shape or the type does."""
+    if ours.shape != theirs.shape or ours.dtype != theirs.dtype:
+        return ours.nbytes
+    return int(np.count_nonzero(ours.reshape(-1).view(np.uint8) != np.ascontiguousarray(theirs).reshape(-1).view(np.uint8)))
+
+
+def wrong_in_scene(module: str, scene: Scene, golden: str) -> int:
+    """The number of differing bytes of a scene's sum."""
+    splats = scene.splats()
+    theirs = renderer(module)(splats, scene.width, scene.height)
+    if digest(theirs) == golden:
+        return 0
+    return differing_bytes(render_sum_deterministic(splats, scene.width, scene.height), theirs)
+
+
+def wrong_in_block(module: str, block: int, golden: str) -> dict[int, int]:
+    """The number of differing bytes of each draw of a block that is wrong, by its number."""
+    theirs = block_sums(block, renderer(module))
+    if digest(*theirs) == golden:
+        return {}
+    pairs = zip(block_sums(block, render_sum_deterministic), theirs, strict=True)
+    counts = {BLOCK * block + k: differing_bytes(*pair) for k, pair in enumerate(pairs)}
+    return {number: count for number, count in counts.items() if count}
+
+
+def compared(module: str, scenes: Sequence[Scene], draws: int, golden: dict[str, Any], jobs: int, record: Record) -> None:
+    """Compare everything; what is known so far is always in the record."""
+    wrong: dict[str, int] = {}
+    record.keep(scenes=[], draws=0, differing={})
+    for scene in scenes:
+        if count := wrong_in_scene(module, scene, golden["sums"][scene.id][1]):
+            wrong[scene.name] = count
+        record.keep(scenes=[*record.values["scenes"], scene.name], differing=wrong)
+    blocks = range(draws // BLOCK)
+    with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
+        found = pool.map(wrong_in_block, [module] * len(blocks), blocks, golden["blocks"][: len(blocks)])
+        for block, counts in enumerate(found):
+            wrong.update({f"draw {number}": count for number, count in counts.items()})
+            record.keep(draws=BLOCK * (block + 1), differing=wrong)
+    record.end(wrong=bool(wrong))
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """Compare and keep what was found."""
+    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.sums", description=__doc__)
+    parser.add_argument("module", help="as for `gsvc-conformance run --module`")
+    parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the result goes")
+    parser.add_argument("--golden", type=Path, default=GOLDEN, metavar="FILE", help="digests of the CPU")
+    parser.add_argument("--draws", type=int, default=DRAWS, metavar="N", help=f"random sets of splats ({DRAWS:,})")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="processes for the draws (1)")
+    parser.add_argument("--small", action="store_true", help="a small scene instead of the trained ones")
+    arguments = parser.parse_args(words)
+    scenes = SMALL if arguments.small else TRAINED
+    golden = made(arguments.golden, scenes, arguments.draws)
+    compared(arguments.module, scenes, arguments.draws, golden, arguments.jobs, Record(arguments.json))
+
+
+if __name__ == "__main__":
+    main()

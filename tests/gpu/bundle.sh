@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# Packs what a machine with a GPU and without a network needs for `make gpu`: this checkout's code and vectors, splats and
+# a stream to measure on, the CPU's digests, wheels, and the loader of Vulkan.
+#
+#     tests/gpu/bundle.sh gsvc-gpu.tar.xz            there: tar xf gsvc-gpu.tar.xz && gsvc-gpu/tests/gpu/run.sh --out FOLDER
+#
+# The other machine has to have: Python (PYTHON_VERSION, else 3.12) with NumPy, Numba, SciPy, scikit-image and pillow, and for
+# the adapters CuPy, PyTorch and the CUDA toolkit, which are too large to pack (the wheel of CuPy alone has 66 MiB). Further
+# wheels, such as one of the authors' rasteriser, are packed from the folder WHEELS. With BARE=1 code and vectors alone.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+target=$(realpath -m "${1:?usage: tests/gpu/bundle.sh FILE.tar.xz}")
+PYTHON=${PYTHON:-.venv/bin/python}
+MAX_BYTES=$((60 << 20))
+PACKAGES="pyopencl pytools siphash24 platformdirs typing_extensions wgpu rendercanvas cffi pycparser"
+
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+tree=$folder/gsvc-gpu
+mkdir "$tree"
+git ls-files -z gsvc_base gsvc_ref gsvc_tools gsvc_lab conformance vectors spec spec.md docs/gpu.md docs/reports/README.md \
+    tests/gpu pyproject.toml LICENSE | tar --create --null --files-from - | tar --extract --directory "$tree"
+git describe --always --dirty --exclude='*' --abbrev=8 >"$tree/COMMIT"
+
+if [ -z "${BARE:-}" ]; then
+    "$PYTHON" -m gsvc_lab.benchmarks.gpu.golden
+    mkdir "$tree/gsvc_lab/benchmarks/cache" "$tree/wheels" "$tree/lib"
+    cp $("$PYTHON" -m gsvc_lab.benchmarks.gpu.golden --list) "$tree/gsvc_lab/benchmarks/cache"
+    "$PYTHON" -m pip download --quiet --disable-pip-version-check --no-deps --only-binary=:all: --implementation cp \
+        --python-version "${PYTHON_VERSION:-3.12}" --platform manylinux_2_28_x86_64 --platform manylinux_2_17_x86_64 \
+        --platform manylinux2014_x86_64 --dest "$tree/wheels" $PACKAGES
+    [ -z "${WHEELS:-}" ] || cp "$WHEELS"/*.whl "$tree/wheels"
+    loader=$(ldconfig -p | awk '/libvulkan.so.1 .*x86-64/ {print $NF; exit}')
+    [ -z "$loader" ] || cp --dereference "$loader" "$tree/lib/libvulkan.so.1"
+fi
+
+tar --create --xz --file "$target" --directory "$folder" gsvc-gpu
+size=$(stat --format %s "$target")
+echo "$target: $((size >> 10)) KiB"
+[ "$size" -lt $MAX_BYTES ] || { echo "it is larger than 60 MiB; leave out what WHEELS has" >&2; exit 1; }
