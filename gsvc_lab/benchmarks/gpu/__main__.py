@@ -1,8 +1,8 @@
 """``python -m gsvc_lab.benchmarks.gpu``: judge and measure everything that runs on this machine's GPU, in minutes.
 
-It says what it found, what it runs and what it skips and why; then it runs the parts, each in a process of its own and
-with its limit, and writes the files of `results` after each. Exit code 0: nothing is wrong; 1: something is wrong, failed
-or was stopped; 2: there is no GPU.
+It says what it found, what it runs, and what it leaves out and why. Then it runs the parts, each a process with a time
+limit, and writes the files of `results` after each. Exit code 0: nothing is wrong; 1: something is wrong, failed or was
+stopped; 2: there is no GPU.
 """
 
 import argparse
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from gsvc_base.cli.text import plural
 from gsvc_lab.benchmarks.gpu.golden import GOLDEN, made
 from gsvc_lab.benchmarks.gpu.page import write_page
 from gsvc_lab.benchmarks.gpu.parts import Part, parts
@@ -25,26 +26,36 @@ from gsvc_lab.benchmarks.material import CACHE
 REPORTS: Final = ROOT / "docs" / "reports"
 SECONDS: Final = 240
 NO_GPU: Final = (
-    "There is no GPU here that any adapter runs on. With one: install its driver, and the packages that the lines above "
-    "name. Without: --cpu runs every part small on the processor, as a test of this command."
+    "No adapter finds a GPU here. If there is one, install its driver and the packages that the lines above name. "
+    "If there is none, --cpu runs every part on the processor, on little work, to test this command."
 )
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run everything and say how it went."""
     parser = argparse.ArgumentParser(
-        prog="python -m gsvc_lab.benchmarks.gpu", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        prog="python -m gsvc_lab.benchmarks.gpu",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--out", type=Path, metavar="FOLDER", help="where reports go (docs/reports; with --cpu that of --work)")
-    parser.add_argument("--work", type=Path, default=CACHE / "gpu", metavar="FOLDER", help="where the parts' files and logs go")
-    parser.add_argument("--seconds", type=float, default=SECONDS, metavar="S", help=f"for all parts together ({SECONDS})")
+    parser.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="where reports go (docs/reports; with --cpu that of --work)"
+    )
+    parser.add_argument(
+        "--work", type=Path, default=CACHE / "gpu", metavar="FOLDER", help="where the parts' files and logs go"
+    )
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, metavar="S", help=f"for all parts together ({SECONDS})"
+    )
     parser.add_argument("--only", action="append", metavar="PART", help="run this part; may be repeated")
-    parser.add_argument("--cpu", action="store_true", help="let processors play the GPU, on little: a test of this command")
+    parser.add_argument(
+        "--cpu", action="store_true", help="let processors play the GPU, on little: a test of this command"
+    )
     arguments = parser.parse_args(words)
     out, work = arguments.out or (arguments.work / "reports" if arguments.cpu else REPORTS), arguments.work
     survey = surveyed(work / "loaders", cpu=arguments.cpu)
-    planned = parts(survey, work, cpu=arguments.cpu)
-    if arguments.only:
+    planned = parts(survey, work, cpu=arguments.cpu) if survey.runs else []
+    if arguments.only and planned:
         if unknown := set(arguments.only) - {part.name for part in planned}:
             parser.error(f"there is no part {unknown.pop()} here; there are {', '.join(part.name for part in planned)}")
         planned = [part for part in planned if part.name in arguments.only]
@@ -72,7 +83,7 @@ def found(survey: Survey, planned: Sequence[Part]) -> list[str]:
     lines += [f"{name} runs on {answer.get('device', '?')}" for name, answer in survey.answers.items()]
     lines += [f"{name} is left out: {reason}" for name, reason in survey.missing.items()]
     lines += [f"  {part.what} is skipped: {part.missing}" for part in planned if part.missing]
-    return [*lines, f"{sum(not part.missing for part in planned)} parts to run"]
+    return [*lines, f"{plural(sum(not part.missing for part in planned), 'part')} to run", ""]
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """``python -m gsvc_lab.benchmarks.gpu.page``: write the measured tables and the time line of docs/gpu.md.
 
-It reads docs/reports: the files of `results`, and those of speeds beside them. A file whose `note` says so is not of this
-command, but of what came before it.
+It reads docs/reports: the files of `results`, and those of speeds beside them.
 """
 
 import json
@@ -54,7 +53,10 @@ def speed_parts(speeds: Mapping[str, Any]) -> Iterator[str]:
     )  # fmt: skip
     if others := [work for work in speeds["works"] if kind_of(work) is None]:
         implementations = [one["implementation"].rpartition(".")[2] for one in speeds["implementations"]]
-        table = [[speeds["works"][work], *(milliseconds(one, work) or EMPTY for one in speeds["implementations"])] for work in others]
+        table = [
+            [speeds["works"][work], *(milliseconds(one, work) or EMPTY for one in speeds["implementations"])]
+            for work in others
+        ]
         yield markdown_table(["milliseconds, with copies", *implementations], table, range(1, 1 + len(implementations)))
 
 

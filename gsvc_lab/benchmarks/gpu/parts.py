@@ -50,7 +50,9 @@ def kit_told(path: Path, values: dict[str, Any]) -> Told:
     report = _report(path)
     if report is None:
         return "failed", ""
-    counts = {name: sum(result.outcome == name for result in report.results) for name in ("pass", "waived", "unsupported")}
+    counts = {
+        name: sum(result.outcome == name for result in report.results) for name in ("pass", "waived", "unsupported")
+    }
     parts = [f"{len(report.faults)} wrong", *(f"{count} {name}" for name, count in counts.items() if count)]
     if report.ended:
         parts.append(report.ended)
@@ -91,7 +93,7 @@ def sanitizer_told(path: Path, values: dict[str, Any]) -> Told:
 
 def speeds_told(path: Path, values: dict[str, Any]) -> Told:
     """How many works were measured."""
-    measured = [one for one in values.get("implementations", ())]
+    measured = list(values.get("implementations", ()))
     count = sum(len(one["seconds"]) for one in measured)
     missing = [f"{name}: {reason}" for one in measured for name, reason in one.get("missing", {}).items()]
     state: State = "measured" if values.get("whole", True) and count else "failed"
@@ -112,7 +114,10 @@ def parts(survey: Survey, folder: Path, *, cpu: bool) -> list[Part]:
     """
     jobs = 1 if cpu else max(1, min(4, processors() // 4))
     made = [part for adapter in survey.runs for part in _judging(adapter, survey, folder, cpu, jobs)]
-    made += [_sanitizer(survey, name, planted) for name, planted in (("racecheck", False), ("memcheck", False), ("racecheck", True))]
+    made += [
+        _sanitizer(survey, name, planted)
+        for name, planted in (("racecheck", False), ("memcheck", False), ("racecheck", True))
+    ]
     made += [_speeds(adapter, survey, cpu) for adapter in survey.runs]
     made.append(_operations(survey, cpu))
     return made
@@ -140,7 +145,11 @@ def _judging(adapter: Adapter, survey: Survey, folder: Path, cpu: bool, jobs: in
     ]  # fmt: skip
     if adapter.name != "gsplat_cuda":  # which has no deterministic sums
         words = ("-m", "gsvc_lab.benchmarks.gpu.sums", adapter.module, "--jobs", str(jobs), *draws, "--json")
-        found.append(Part(f"sums-{adapter.name}", f"bytes of deterministic sums, {adapter.name}", words, 120, sums_told, settings))
+        found.append(
+            Part(
+                f"sums-{adapter.name}", f"bytes of deterministic sums, {adapter.name}", words, 120, sums_told, settings
+            )
+        )
     return found
 
 
@@ -151,13 +160,17 @@ def _sanitizer(survey: Survey, name: str, planted: bool) -> Part:
     if not missing and tool("compute-sanitizer") is None:
         missing = "compute-sanitizer is not there: install the CUDA toolkit"
     what = f"compute-sanitizer, {name}{', a planted race' if planted else ''}, {plural(len(CASES), 'vector')}"
-    return Part(f"{'planted-' if planted else ''}{name}", what, words, 120, sanitizer_told, survey.variables, missing=missing)
+    return Part(
+        f"{'planted-' if planted else ''}{name}", what, words, 120, sanitizer_told, survey.variables, missing=missing
+    )
 
 
 def _speeds(adapter: Adapter, survey: Survey, cpu: bool) -> Part:
     words = ("-m", "gsvc_lab.benchmarks.gpu.speeds", adapter.name, *(("--small",) if cpu else ()), "--json")
     settings = _settings(adapter, survey, cpu)
-    return Part(f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, 45, speeds_told, settings, alone=True)
+    return Part(
+        f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, 45, speeds_told, settings, alone=True
+    )
 
 
 def _operations(survey: Survey, cpu: bool) -> Part:

@@ -5,7 +5,8 @@ The last has the form
     {"form": "gpu/1", "card": "NVIDIA H200", "note": "", "machine": {"driver": "580.159.04", "commit": "...", ...},
      "adapters": {"cuda": {"device": "...", ...}, ...},        what each says of itself
      "missing": {"gsplat_cuda": "gsplat is not installed", ...},
-     "parts": [{"name": "sums-cuda", "what": "...", "state": "right", "told": "0 bytes differ ...", "seconds": 31.2}, ...],
+     "parts": [{"name": "sums-cuda", "what": "...", "state": "right", "told": "0 bytes differ ...", "seconds": 31.2},
+               ...],
      "timeline": {"picture, bounded": [["prepare", 0.0, 0.006], ...], ...}}     kernels, begin and end in milliseconds
 """
 

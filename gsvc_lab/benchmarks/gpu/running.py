@@ -1,4 +1,4 @@
-"""Parts in processes of their own: several at a time, each with its limit, and whatever happens to one, the others go on."""
+"""Parts in processes of their own, each with a time limit: whatever happens to one, the others go on."""
 
 import json
 import os
@@ -111,11 +111,14 @@ def _outcome(one: Running, folder: Path, in_time: bool) -> Outcome:
     log = (folder / f"{part.name}.log").read_text(encoding="utf-8", errors="replace")
     code = one.process.returncode
     if not in_time:
-        state = "wrong" if state == "wrong" else "stopped"
-        told = _joined(f"stopped after {seconds:.0f} s", told)
-    elif code not in (0, 1) or not values:
-        state, told = "failed", _joined(advice(log, code or 0), told)
+        state, told = _unless_wrong(state, "stopped"), _joined(f"stopped after {seconds:.0f} s", told)
+    elif state in ("stopped", "failed") or code not in (0, 1):
+        state, told = _unless_wrong(state, "failed"), _joined(advice(log, code or 0), told)
     return Outcome(part.name, part.what, state, told, seconds, values)
+
+
+def _unless_wrong(state: State, end: State) -> State:
+    return "wrong" if state == "wrong" else end
 
 
 def _joined(*sentences: str) -> str:

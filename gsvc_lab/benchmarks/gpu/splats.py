@@ -63,7 +63,7 @@ def drawn(number: int) -> tuple[F4, int, int]:
 
 
 def random_splats(rng: Draws, width: int, height: int, count: int, span: int) -> F4:
-    """(N, 8) f4: some of the factors are 2^-`span` to 2^`span` times the others, some colours 2^-3`span` to 2^`span`."""
+    """(N, 8) f4; some factors are scaled by 2^-`span` to 2^`span`, some colours by 2^-3`span` to 2^`span`."""
     values = np.empty((count, 8))
     values[:, :2] = rng.uniform(-20, np.add((width, height), 20), (count, 2))
     values[:, [2, 4]] = rng.lognormal(1, 1, (count, 2))

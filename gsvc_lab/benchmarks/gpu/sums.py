@@ -1,7 +1,8 @@
-"""``python -m gsvc_lab.benchmarks.gpu.sums MODULE``: are an implementation's deterministic sums those of the CPU, to the byte?
+"""``python -m gsvc_lab.benchmarks.gpu.sums MODULE``: hold deterministic sums against those of the CPU, to the byte.
 
-It renders the scenes, and then the draws in blocks, and holds their digests against the packed ones. Where a digest is
-another, gsvc_ref renders the same here, and the bytes that differ are counted.
+The implementation renders the scenes, and then the draws in blocks; their digests have to be those that gsvc_ref had.
+Where one is not, gsvc_ref renders the same here, and the bytes that differ are counted. If none does, it is the two
+processors that differ, which is wrong, too.
 """
 
 import argparse
@@ -39,41 +40,42 @@ def differing_bytes(ours: F4, theirs: F4) -> int:
     """The number of bytes that differ; all of them if the shape or the type does."""
     if ours.shape != theirs.shape or ours.dtype != theirs.dtype:
         return ours.nbytes
-    return int(np.count_nonzero(ours.reshape(-1).view(np.uint8) != np.ascontiguousarray(theirs).reshape(-1).view(np.uint8)))
+    return int(np.count_nonzero(np.frombuffer(ours.tobytes(), np.uint8) != np.frombuffer(theirs.tobytes(), np.uint8)))
 
 
-def wrong_in_scene(module: str, scene: Scene, golden: str) -> int:
-    """The number of differing bytes of a scene's sum."""
+def wrong_in_scene(module: str, scene: Scene, golden: str) -> dict[str, int]:
+    """The number of differing bytes of a scene's sum by its name, if it is wrong."""
     splats = scene.splats()
     theirs = renderer(module)(splats, scene.width, scene.height)
     if digest(theirs) == golden:
-        return 0
-    return differing_bytes(render_sum_deterministic(splats, scene.width, scene.height), theirs)
+        return {}
+    return {scene.name: differing_bytes(render_sum_deterministic(splats, scene.width, scene.height), theirs)}
 
 
-def wrong_in_block(module: str, block: int, golden: str) -> dict[int, int]:
-    """The number of differing bytes of each draw of a block that is wrong, by its number."""
+def wrong_in_block(module: str, block: int, golden: str) -> dict[str, int]:
+    """The number of differing bytes of each draw of a block that is wrong, by its name."""
     theirs = block_sums(block, renderer(module))
     if digest(*theirs) == golden:
         return {}
     pairs = zip(block_sums(block, render_sum_deterministic), theirs, strict=True)
-    counts = {BLOCK * block + k: differing_bytes(*pair) for k, pair in enumerate(pairs)}
-    return {number: count for number, count in counts.items() if count}
+    counts = {f"draw {BLOCK * block + k}": differing_bytes(*pair) for k, pair in enumerate(pairs)}
+    return {name: count for name, count in counts.items() if count} or {f"draws from {BLOCK * block}": 0}
 
 
-def compared(module: str, scenes: Sequence[Scene], draws: int, golden: dict[str, Any], jobs: int, record: Record) -> None:
+def compared(
+    module: str, scenes: Sequence[Scene], draws: int, golden: dict[str, Any], jobs: int, record: Record
+) -> None:
     """Compare everything; what is known so far is always in the record."""
     wrong: dict[str, int] = {}
     record.keep(scenes=[], draws=0, differing={})
     for scene in scenes:
-        if count := wrong_in_scene(module, scene, golden["sums"][scene.id][1]):
-            wrong[scene.name] = count
+        wrong |= wrong_in_scene(module, scene, golden["sums"][scene.id][1])
         record.keep(scenes=[*record.values["scenes"], scene.name], differing=wrong)
     blocks = range(draws // BLOCK)
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         found = pool.map(wrong_in_block, [module] * len(blocks), blocks, golden["blocks"][: len(blocks)])
         for block, counts in enumerate(found):
-            wrong.update({f"draw {number}": count for number, count in counts.items()})
+            wrong |= counts
             record.keep(draws=BLOCK * (block + 1), differing=wrong)
     record.end(wrong=bool(wrong))
 

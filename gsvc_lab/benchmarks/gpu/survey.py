@@ -25,7 +25,13 @@ ROOT: Final = Path(__file__).parents[3]
 PATIENCE: Final = 60
 """Seconds for one answer; the first of a driver may take several."""
 
-DRIVERS: Final = ("/usr/local/nvidia/lib64", "/usr/local/nvidia/lib", "/usr/lib/x86_64-linux-gnu", "/usr/lib64", "/usr/lib")
+DRIVERS: Final = (
+    "/usr/local/nvidia/lib64",
+    "/usr/local/nvidia/lib",
+    "/usr/lib/x86_64-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+)
 OPENCL: Final = "libnvidia-opencl.so.1"
 VULKAN: Final = "/usr/local/nvidia/share/vulkan/icd.d/nvidia_icd.json"
 """Where containers have what the loader of Vulkan looks for in /usr/share and /etc."""
@@ -34,7 +40,9 @@ TOOLKIT: Final = "/usr/local/cuda/bin"
 PROCESSORS: Final = re.compile(r"\bcpu\b|llvmpipe|swiftshader|pthread|fiber|pocl", re.IGNORECASE)
 """What environments of implementations say that run on a processor."""
 
-ASK: Final = "import importlib, json, sys; print('\\n' + json.dumps(importlib.import_module(sys.argv[1]).environment()))"
+ASK: Final = (
+    "import importlib, json, sys; print('\\n' + json.dumps(importlib.import_module(sys.argv[1]).environment()))"
+)
 
 
 @dataclass(frozen=True)
@@ -96,7 +104,9 @@ def surveyed(folder: Path, *, cpu: bool) -> Survey:
     }  # fmt: skip
     found = Survey(card, driver, {name: text for name, text in entries.items() if text}, {} if cpu else loaders(folder))
     with ThreadPoolExecutor() as pool:
-        for adapter, answer in zip(ADAPTERS, pool.map(lambda one: asked(one, found.variables, cpu), ADAPTERS), strict=True):
+        for adapter, answer in zip(
+            ADAPTERS, pool.map(lambda one: asked(one, found.variables, cpu), ADAPTERS), strict=True
+        ):
             if isinstance(answer, str):
                 found.missing[adapter.name] = answer
             else:
@@ -152,7 +162,9 @@ def loaders(folder: Path) -> dict[str, str]:
         variables["OCL_ICD_VENDORS"] = str(folder)
     if Path(VULKAN).exists() and "VK_DRIVER_FILES" not in os.environ:
         variables["VK_DRIVER_FILES"] = VULKAN
-        variables["__EGL_VENDOR_LIBRARY_FILENAMES"] = VULKAN.replace("vulkan/icd.d/nvidia_icd", "glvnd/egl_vendor.d/10_nvidia")
+        variables["__EGL_VENDOR_LIBRARY_FILENAMES"] = VULKAN.replace(
+            "vulkan/icd.d/nvidia_icd", "glvnd/egl_vendor.d/10_nvidia"
+        )
     return variables
 
 

@@ -23,7 +23,9 @@ def drawing(cards: Sequence[Mapping[str, Any]]) -> str:
         return ""
     lines = [spans for card in drawn for spans in card["timeline"].values()]
     scale = (WIDTH - LEFT - RIGHT) / max(end for spans in lines for _, _, end in spans)
-    colors = {kernel: COLORS[k % len(COLORS)] for k, kernel in enumerate(dict.fromkeys(s[0] for line in lines for s in line))}
+    colors = {
+        kernel: COLORS[k % len(COLORS)] for k, kernel in enumerate(dict.fromkeys(s[0] for line in lines for s in line))
+    }
     parts, y = [], 0
     for card in drawn:
         machine = card["machine"]
@@ -33,8 +35,8 @@ def drawing(cards: Sequence[Mapping[str, Any]]) -> str:
         for name, spans in card["timeline"].items():
             parts.append(_line(name, spans, y, scale, colors))
             y += ROW
-    size = f'width="{WIDTH}" height="{y}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y}" {size} font-family="sans-serif" font-size="12">'
+    size, font = f'width="{WIDTH}" height="{y}"', 'font-family="sans-serif" font-size="12"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {y}" {size} {font}>'
     return "\n".join([head, f'<rect {size} fill="#fff"/>', *parts, "</svg>", ""])
 
 
@@ -46,7 +48,8 @@ def _line(name: str, spans: Sequence[Span], y: int, scale: float, colors: Mappin
         for kernel, begin, end in spans
     ]
     each = [
-        f'<tspan fill="{colors[kernel]}">{html.escape(kernel)} {end - begin:.3f}</tspan>' for kernel, begin, end in spans
+        f'<tspan fill="{colors[kernel]}">{html.escape(kernel)} {end - begin:.3f}</tspan>'
+        for kernel, begin, end in spans
     ]
     last = spans[-1][2]
     return "\n".join([
