@@ -6,7 +6,7 @@ BIN    := .venv/bin
 WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lowest vectors fuzz lint format figures bench experiments adapters kaitai site clean
+.PHONY: help demo test test-all lowest vectors fuzz lint format figures bench experiments adapters kaitai site gpu clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -79,6 +79,11 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
 	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
 		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
+
+gpu: .venv/.ready-test,adapters,peers,cuda            ## judge and measure what runs on this machine's GPU; writes docs/reports/ (ONLY: these parts)
+	$(BIN)/python -m gsvc_lab.benchmarks.gpu $(ONLY:%=--only %)
+	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds) \
+		$$(ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 
 kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all vectors with it and draw docs/gsvc.svg (npm, node and graphviz)
 	npm install --silent --no-fund --no-audit --prefix .venv/kaitai kaitai-struct-compiler@0.11.0 js-yaml@5.5.0

@@ -98,7 +98,7 @@ def test_whatever_becomes_of_a_part_the_others_go_on(tmp_path):
         part("alone", good, alone=True),
         Part("absent", "absent", (), 1, lambda path, values: ("right", ""), missing="there is none"),
     ]
-    found = {one.name: one for one in results_of(parts, tmp_path, 60)}
+    found = {one.name: one for one in results_of(parts, tmp_path, 60, 6)}
     assert {name: one.state for name, one in found.items()} == {
         "good": "right", "hangs": "stopped", "memory": "failed", "watchdog": "failed", "killed": "failed",
         "crashes": "failed", "alone": "right", "absent": "skipped",
@@ -118,9 +118,21 @@ def test_there_is_time_for_what_has_to_be_alone(tmp_path):
         part("together", KEEP.format(values='{"found": 1}') + "import time; time.sleep(60)"),
         part("alone", KEEP.format(values='{"found": 1, "whole": True}'), limit=4, alone=True),
     ]
-    found = {one.name: one for one in results_of(parts, tmp_path, 6)}
+    found = {one.name: one for one in results_of(parts, tmp_path, 6, 2)}
     assert (found["together"].state, found["alone"].state) == ("stopped", "right")
     assert found["together"].seconds < 5
+
+
+def test_as_many_run_at_the_same_time_as_there_is_room_for(tmp_path):
+    code = KEEP.format(values='{"found": 1, "whole": True}') + "import time; time.sleep(1.2)"
+    found = list(results_of([part(f"p{k}", code) for k in range(4)], tmp_path, 3.5, 2))
+    assert [one.state for one in found] == ["right", "right", "right", "right"]
+    found = list(results_of([part(f"p{k}", code) for k in range(4)], tmp_path, 1, 2))
+    assert [one.told for one in found] == ["there was no time left"] * 2 + [
+        "stopped after 1 s; until then: found 1"
+    ] * 2
+    card = {"memory": "24576 MiB"}
+    assert survey.Survey("a card", "", card, {}).width == min(6, os.cpu_count())
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def main(words: Sequence[str] | None = None) -> int:
     results = Results(survey, work, out)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     begin = time.monotonic()
-    for outcome in results_of(planned, work, arguments.seconds):
+    for outcome in results_of(planned, work, arguments.seconds, survey.width):
         results.add(outcome)
         print(f"{time.monotonic() - begin:5.0f} s  {outcome.what}: {outcome.state}, {outcome.told}", flush=True)
     print("", *summary(results.outcomes), "", f"Reports are in {out}, logs in {work}.", sep="\n")

@@ -8,7 +8,6 @@ from typing import Any, Final
 
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
-from gsvc_base.processors import processors
 from gsvc_conformance.report.json import read
 from gsvc_conformance.results import Report
 from gsvc_lab.benchmarks.gpu.outcome import State
@@ -112,13 +111,14 @@ def parts(survey: Survey, folder: Path, *, cpu: bool) -> list[Part]:
     cpu
         Whether processors play the GPU, on little.
     """
-    jobs = 1 if cpu else max(1, min(4, processors() // 4))
+    jobs = 1 if cpu else min(4, survey.width)
     made = [part for adapter in survey.runs for part in _judging(adapter, survey, folder, cpu, jobs)]
     made += [
         _sanitizer(survey, name, planted)
         for name, planted in (("racecheck", False), ("memcheck", False), ("racecheck", True))
     ]
     made += [_speeds(adapter, survey, cpu) for adapter in survey.runs]
+    made += [_codec(adapter, survey, cpu) for adapter in survey.runs if adapter.name == "cuda"]
     made.append(_operations(survey, cpu))
     return made
 
@@ -171,6 +171,12 @@ def _speeds(adapter: Adapter, survey: Survey, cpu: bool) -> Part:
     return Part(
         f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, 45, speeds_told, settings, alone=True
     )
+
+
+def _codec(adapter: Adapter, survey: Survey, cpu: bool) -> Part:
+    words = ("-m", "gsvc_lab.benchmarks.gpu.codec", *(("--small",) if cpu else ()), "--json")
+    settings = _settings(adapter, survey, cpu)
+    return Part("codec", "speeds from a stream to pictures and back", words, 45, speeds_told, settings, alone=True)
 
 
 def _operations(survey: Survey, cpu: bool) -> Part:

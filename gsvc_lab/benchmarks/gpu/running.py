@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -44,11 +45,11 @@ class Running:
                 return
 
 
-def results_of(parts: Sequence[Part], folder: Path, seconds: float) -> Iterator[Outcome]:
+def results_of(parts: Sequence[Part], folder: Path, seconds: float, width: int) -> Iterator[Outcome]:
     """Run parts, and yield what became of each as soon as it is known.
 
-    What may run beside others runs first, all of it at the same time, for as long as leaves the others theirs; then
-    what has to be alone, one after the other.
+    What may run beside others runs first, for as long as leaves the others their time; then what has to be alone, one
+    after the other.
 
     Parameters
     ----------
@@ -58,6 +59,8 @@ def results_of(parts: Sequence[Part], folder: Path, seconds: float) -> Iterator[
         Where these files go.
     seconds
         For everything.
+    width
+        The number of parts that may run at the same time.
     """
     folder.mkdir(parents=True, exist_ok=True)
     begin = time.monotonic()
@@ -66,32 +69,36 @@ def results_of(parts: Sequence[Part], folder: Path, seconds: float) -> Iterator[
     alone = [part for part in wanted if part.alone]
     together = [part for part in wanted if not part.alone]
     later = min(sum(part.limit for part in alone), seconds / 2)
-    yield from _all_of(together, folder, begin + seconds - later)
-    for part in alone:
-        yield from _all_of([part], folder, begin + seconds)
+    yield from _all_of(together, folder, begin + seconds - later, width)
+    yield from _all_of(alone, folder, begin + seconds, 1)
 
 
-def _all_of(parts: Sequence[Part], folder: Path, end: float) -> Iterator[Outcome]:
-    """Run parts at the same time, until `end` at most."""
-    going = [_started(part, folder, end, len(parts)) for part in parts]
+def _all_of(parts: Sequence[Part], folder: Path, end: float, width: int) -> Iterator[Outcome]:
+    """Run parts, so many at the same time, until `end` at most."""
+    waiting, going = deque(parts), list[Running]()
     try:
-        while going:
-            time.sleep(GLANCE)
+        while waiting or going:
             now = time.monotonic()
+            if now >= end:
+                yield from (Outcome(part.name, part.what, "stopped", "there was no time left") for part in waiting)
+                waiting.clear()
+            while waiting and len(going) < width:
+                going.append(_started(waiting.popleft(), folder, end, width))
             for one in [one for one in going if one.process.poll() is not None or now >= one.end]:
                 in_time = one.process.poll() is not None
                 if not in_time:
                     one.stop()
                 going.remove(one)
                 yield _outcome(one, folder, in_time)
+            time.sleep(GLANCE)
     finally:  # whoever asked may be ended
         for one in going:
             one.stop()
 
 
-def _started(part: Part, folder: Path, end: float, count: int) -> Running:
+def _started(part: Part, folder: Path, end: float, width: int) -> Running:
     now = time.monotonic()
-    threads = str(max(1, processors() // count))
+    threads = str(max(1, processors() // width))
     variables = {**os.environ, "OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads, **part.settings}
     (folder / f"{part.name}.json").unlink(missing_ok=True)
     with (folder / f"{part.name}.log").open("wb") as log:

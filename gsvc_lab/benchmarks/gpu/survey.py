@@ -25,6 +25,9 @@ ROOT: Final = Path(__file__).parents[3]
 PATIENCE: Final = 60
 """Seconds for one answer; the first of a driver may take several."""
 
+MEMORY: Final = 4096
+"""MiB of a card that one process may need."""
+
 DRIVERS: Final = (
     "/usr/local/nvidia/lib64",
     "/usr/local/nvidia/lib",
@@ -79,6 +82,13 @@ class Survey:
     variables: dict[str, str]  # environment variables that the drivers need
     answers: dict[str, dict[str, str]] = field(default_factory=dict)  # environments by the name of the adapter
     missing: dict[str, str] = field(default_factory=dict)  # why another adapter does not run, a sentence
+
+    @property
+    def width(self) -> int:
+        """The number of processes that may share the processors and the card's memory."""
+        mebibytes = re.match(r"(\d+) MiB", self.machine.get("memory", ""))
+        room = int(mebibytes[1]) // MEMORY if mebibytes else processors()
+        return max(1, min(processors(), room))
 
     @property
     def runs(self) -> list[Adapter]:
