@@ -1,0 +1,171 @@
+"""The device and the way of arrays there and back: an NVIDIA GPU (gpu.py), or fibers on the CPU (fibers.py).
+
+A kernel is started by its name: ``launch("to_frame", blocks, threads, ...)``. Its arguments become an array of
+addresses, as `cuLaunchKernel` wants it, and fibers.h unpacks the same array for the kernel that a C++ compiler has made.
+So their types must be those of the parameters: a buffer or None is a pointer, an ``int`` is ``int``, a ``float`` is
+``float``, and whatever else a kernel takes comes as a NumPy scalar, structures included.
+
+Launches run in order on CuPy's current stream and nobody waits for them: errors of a kernel come with the next
+`download` or `synchronize`.
+"""
+
+import ctypes
+import os
+from collections.abc import Callable
+from functools import cache
+from types import ModuleType
+from typing import Any, Final
+
+import numpy as np
+
+Array = np.ndarray[Any, Any]
+Floats = np.ndarray[Any, np.dtype[np.float32]]
+Values = dict[str, Any]
+"""Outputs of an operation by their names."""
+Buffer = Any
+"""Bytes on the device: a CuPy array u1 (size,), or a NumPy array with fibers; a slice of one is a buffer, too."""
+Size = int | tuple[int, ...]
+"""Blocks, or threads of a block, in one to three dimensions."""
+
+NO_CUPY: Final = (
+    "CuPy is not there: pip install 'gsvc-conformance[cuda]', or set GSVC_CUDA=fibers to run the kernels on the CPU"
+)
+
+
+@cache
+def machine() -> ModuleType:
+    """Where kernels run: `gpu`, or `fibers` if GSVC_CUDA says so.
+
+    Raises
+    ------
+    RuntimeError
+        CuPy is not installed, or GSVC_CUDA is another word.
+    """
+    wanted = os.environ.get("GSVC_CUDA")
+    if wanted not in (None, "", "gpu", "fibers"):
+        raise RuntimeError(f"GSVC_CUDA={wanted} is neither gpu nor fibers")
+    if wanted == "fibers":
+        from gsvc_conformance.adapters.cuda import fibers
+
+        return fibers
+    try:
+        from gsvc_conformance.adapters.cuda import gpu
+    except ImportError as error:
+        raise RuntimeError(f"{NO_CUPY} ({error})") from None
+    return gpu
+
+
+def available() -> bool:
+    """Whether kernels can run here."""
+    try:
+        return bool(environment())
+    except (RuntimeError, NotImplementedError):
+        return False
+
+
+def environment() -> dict[str, str]:
+    """Device, driver and versions, for the kit's report.
+
+    Raises
+    ------
+    RuntimeError, NotImplementedError
+        There is no GPU, no driver that is new enough, no CuPy, or no C++ compiler for fibers: which, and what to do.
+    """
+    return dict(machine().environment())
+
+
+def storage(size: int) -> Buffer:
+    """So many bytes on the device, all zero; none at all takes a byte."""
+    return machine().storage(max(size, 1))
+
+
+def upload(array: Any, dtype: Any) -> Buffer:
+    """An array on the device, as elements of a type."""
+    values = np.ascontiguousarray(array, dtype)
+    return machine().upload(values) if values.nbytes else storage(1)
+
+
+def address(buffer: Buffer) -> int:
+    """Where a buffer is on the device, for a pointer inside of a structure."""
+    return int(machine().address(buffer))
+
+
+def clear(buffer: Buffer) -> None:
+    """Set a buffer to zero, in the order of launches."""
+    machine().clear(buffer)
+
+
+def replay(work: Callable[[], None]) -> Callable[[], None]:
+    """What some work launches, as one call that starts all of it again: a CUDA graph, which costs the host next to nothing.
+
+    Parameters
+    ----------
+    work
+        It only launches and clears: it allocates nothing, downloads nothing, and does the same each time. It is done
+        once before it is recorded.
+    """
+    work()
+    replayed: Callable[[], None] = machine().replay(work)
+    return replayed
+
+
+def download(buffer: Buffer, shape: tuple[int, ...], dtype: Any) -> Array:
+    """The array that a buffer begins with; it waits for the kernels before it."""
+    count = int(np.prod(shape, dtype=np.int64))
+    values: Array = machine().download(buffer, count * np.dtype(dtype).itemsize)
+    return values.view(dtype).reshape(shape)
+
+
+def synchronize() -> None:
+    """Wait until all that was launched has ended."""
+    machine().synchronize()
+
+
+class Launch:
+    """A kernel with its arguments, which may be started many times: a call of it costs little more than CUDA's own.
+
+    Parameters
+    ----------
+    kernel
+        Its name.
+    blocks, threads
+        The grid, and a block of it. With an empty grid nothing is started.
+    arguments
+        They are kept alive, and read when the kernel starts.
+    exact
+        Whether it is compiled for identical bytes: nothing fused, EXACT defined.
+    """
+
+    def __init__(self, kernel: str, blocks: Size, threads: Size, *arguments: Any, exact: bool = False) -> None:
+        self.blocks, self.threads = _three(blocks), _three(threads)
+        self._function = machine().function(kernel, exact)
+        self._buffers = arguments
+        self._values = [_argument(value) for value in arguments]
+        addresses = (value.ctypes.data for value in self._values)
+        self._addresses = (ctypes.c_void_p * len(arguments))(*addresses)
+        self._where = ctypes.addressof(self._addresses)
+
+    def __call__(self) -> None:
+        """Start the kernel."""
+        if 0 not in self.blocks:
+            self._function(self.blocks, self.threads, self._where)
+
+
+def launch(kernel: str, blocks: Size, threads: Size, *arguments: Any, exact: bool = False) -> None:
+    """Start a kernel once: see `Launch`."""
+    Launch(kernel, blocks, threads, *arguments, exact=exact)()
+
+
+def _three(size: Size) -> tuple[int, ...]:
+    sizes = (size,) if isinstance(size, int) else size
+    return *sizes, *(1,) * (3 - len(sizes))
+
+
+def _argument(value: Any) -> Array:
+    if value is None:
+        return np.zeros((), np.uintp)
+    if isinstance(value, np.generic):
+        return np.array(value)
+    if type(value) in (int, float):
+        return np.array(value, np.int32 if type(value) is int else np.float32)
+    return np.array(machine().address(value), np.uintp)

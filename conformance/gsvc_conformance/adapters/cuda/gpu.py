@@ -1,0 +1,191 @@
+"""The kernels on an NVIDIA GPU: memory, compilation and launches by CuPy."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from pathlib import Path
+from typing import Any, Final
+
+import cupy
+import numpy as np
+from cupy.cuda import driver, nvrtc, runtime
+from cupy.cuda.function import Module
+
+from gsvc_conformance.adapters.cuda.sources import KERNELS, ROUNDING, kept, source_of
+
+Array = np.ndarray[Any, Any]
+
+NO_DEVICE: Final = (
+    "there is no NVIDIA GPU that CUDA can use: see whether `nvidia-smi` lists one, or set GSVC_CUDA=fibers to run the "
+    "kernels on the CPU"
+)
+OLD_DRIVER: Final = (
+    "the NVIDIA driver is missing, or older than CuPy's CUDA: install a driver for CUDA {version} or newer, or the CuPy of "
+    "an older CUDA; GSVC_CUDA=fibers runs the kernels on the CPU"
+)
+ADVICE: Final = {
+    "OUT_OF_MEMORY": "the GPU has no memory left: render a smaller frame or fewer splats, or end what else runs there",
+    "LAUNCH_TIMEOUT": "the watchdog of the display ended a kernel: use a GPU without a display, or a smaller frame",
+    "NO_BINARY_FOR_GPU": "the kernels were compiled for another GPU: empty the folder gsvc-cuda of the cache",
+    "ILLEGAL_ADDRESS": "a kernel has left its memory: run it under `compute-sanitizer --tool memcheck`, and report it",
+}
+"""What to do, by a part of the name of CUDA's error without its underscores."""
+INSUFFICIENT_DRIVER: Final = 35
+"""cudaErrorInsufficientDriver"""
+LOST: Final = "CUDA is of no use to this process any more, so start another one; what it has given before is right"
+
+
+def explained(error: Exception) -> RuntimeError:
+    """An error of CUDA as a sentence that says what to do."""
+    if isinstance(error, cupy.cuda.memory.OutOfMemoryError):
+        return RuntimeError(f"{ADVICE['OUT_OF_MEMORY']} ({error})")
+    said = str(error).partition(":")[0].replace("_", "").upper()
+    known = [advice for name, advice in ADVICE.items() if name.replace("_", "") in said]
+    return RuntimeError(f"{known[0] if known else LOST} ({error})")
+
+
+ERRORS: Final = (cupy.cuda.memory.OutOfMemoryError, runtime.CUDARuntimeError, driver.CUDADriverError)
+
+
+@contextmanager
+def explaining() -> Iterator[None]:
+    """Within it, errors of CUDA become sentences."""
+    try:
+        yield
+    except ERRORS as error:
+        raise explained(error) from None
+
+
+@cache
+def architecture() -> str:
+    """The compute capability of the device, such as ``sm_90``.
+
+    Raises
+    ------
+    RuntimeError
+        There is no GPU, or its driver is too old.
+    """
+    try:
+        runtime.getDeviceCount()
+    except runtime.CUDARuntimeError as error:
+        if error.status == INSUFFICIENT_DRIVER:
+            version = nvrtc.getVersion()
+            raise RuntimeError(OLD_DRIVER.format(version=".".join(map(str, version)))) from None
+        raise RuntimeError(f"{NO_DEVICE} ({error})") from None
+    return f"sm_{cupy.cuda.Device().compute_capability}"
+
+
+def storage(size: int) -> cupy.ndarray:
+    """So many bytes on the device, all zero."""
+    architecture()  # which says what is missing
+    with explaining():
+        return cupy.zeros(size, np.uint8)
+
+
+def upload(values: Array) -> cupy.ndarray:
+    """A buffer with the bytes of an array."""
+    buffer = storage(values.nbytes)
+    with explaining():
+        buffer.set(values.reshape(-1).view(np.uint8))
+    return buffer
+
+
+def download(buffer: cupy.ndarray, size: int) -> Array:
+    """The first bytes of a buffer."""
+    with explaining():
+        return buffer[:size].get()
+
+
+def address(buffer: cupy.ndarray) -> int:
+    """Where a buffer is."""
+    return buffer.data.ptr
+
+
+def clear(buffer: cupy.ndarray) -> None:
+    """Set a buffer to zero, in the order of the current stream."""
+    with explaining():
+        buffer.data.memset_async(0, buffer.nbytes, cupy.cuda.get_current_stream())
+
+
+def replay(work: Callable[[], None]) -> Callable[[], None]:
+    """Work as a graph, recorded from what it launches on a stream of its own and started on the current one."""
+    stream = cupy.cuda.Stream(non_blocking=True)
+    with explaining(), stream:
+        stream.begin_capture()
+        work()
+        graph = stream.end_capture()
+
+    def start() -> None:
+        graph.launch(cupy.cuda.get_current_stream())
+
+    return start
+
+
+def synchronize() -> None:
+    """Wait for what was launched on the current stream, and hear of its errors."""
+    with explaining():
+        cupy.cuda.get_current_stream().synchronize()
+
+
+def compiled(source: str, exact: bool, machine: str) -> bytes:
+    """A file of kernels as a cubin for an architecture, such as ``sm_90``; that takes no GPU.
+
+    Not by RawModule or RawKernel: these add ``-ftz=true`` to whatever options they get.
+    """
+    options = ("--std=c++17", f"--gpu-architecture={machine}", f"--include-path={KERNELS}", *ROUNDING[exact])
+    text = (KERNELS / f"{source}.cu").read_text("utf-8")
+
+    def make(path: Path) -> None:
+        program = nvrtc.createProgram(text, f"{source}.cu", (), ())
+        try:
+            nvrtc.compileProgram(program, options)
+            path.write_bytes(nvrtc.getCUBIN(program))
+        except nvrtc.NVRTCError as error:
+            log = nvrtc.getProgramLog(program)
+            raise RuntimeError(f"NVRTC does not compile {source}.cu for {machine}: {error}\n{log}") from None
+        finally:
+            nvrtc.destroyProgram(program)
+
+    return kept(".cubin", [repr(nvrtc.getVersion()), text, *options], make).read_bytes()
+
+
+@cache
+def module(source: str, exact: bool) -> Module:
+    """A file of kernels on the device."""
+    loaded = Module()
+    binary = compiled(source, exact, architecture())
+    with explaining():
+        loaded.load(binary)
+    return loaded
+
+
+def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, ...], Any], None]:
+    """What starts a kernel: it takes blocks, threads of a block, and an array of the addresses of its arguments."""
+    found = module(source_of(kernel), exact).get_function(kernel)
+
+    def start(blocks: tuple[int, ...], threads: tuple[int, ...], arguments: Any) -> None:
+        stream = cupy.cuda.get_current_stream().ptr
+        try:
+            driver.launchKernel(found.ptr, *blocks, *threads, 0, stream, arguments, 0)
+        except ERRORS as error:
+            raise explained(error) from None
+
+    return start
+
+
+def environment() -> dict[str, str]:
+    """Card, driver and versions."""
+    machine = architecture()
+    properties = runtime.getDeviceProperties(cupy.cuda.Device().id)
+    return {
+        "device": properties["name"].decode(),
+        "compute_capability": machine.removeprefix("sm_"),
+        "driver": _version(runtime.driverGetVersion()),
+        "CUDA": _version(runtime.runtimeGetVersion()),
+        "NVRTC": ".".join(map(str, nvrtc.getVersion())),
+        "CuPy": cupy.__version__,
+    }
+
+
+def _version(number: int) -> str:
+    return f"{number // 1000}.{number % 1000 // 10}"
