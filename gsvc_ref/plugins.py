@@ -8,6 +8,7 @@ package offers, by the functions here:
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
 - `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
+- `add_device`: what encodes can be computed on, such as ``cuda``;
 - `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
@@ -25,6 +26,8 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, Protocol, cast
 
 GROUP: Final = "gsvc_ref.plugins"
+
+CPU: Final = "cpu"  # the device that no plug-in offers
 
 
 class NamedSource(NamedTuple):
@@ -70,6 +73,7 @@ _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
 _vmaf_meters: Final[list[str]] = []
+_devices: Final[dict[str, str]] = {}
 
 
 def add_command(name: str, module: str) -> None:
@@ -109,6 +113,11 @@ def set_encoder(module: str) -> None:
 def set_vmaf_meter(module: str) -> None:
     """Let `gsvc_ref.metrics.compare_frames` score VMAF by the class ``VmafMeter`` of a module."""
     _vmaf_meters.append(module)
+
+
+def add_device(name: str, module: str) -> None:
+    """Let encodes be computed on a device, by the class ``Evaluator`` of a module (`gsvc_ref.rendering.Evaluator`)."""
+    _devices[name] = module
 
 
 def commands() -> Mapping[str, str]:
@@ -168,6 +177,23 @@ def vmaf_meter() -> MakeVmafMeter | None:
     """The meter of the module that was given to `set_vmaf_meter` last, or None."""
     _load()
     return cast("MakeVmafMeter", import_module(_vmaf_meters[-1]).VmafMeter) if _vmaf_meters else None
+
+
+def check_device(name: str) -> None:
+    """Refuse a device that is not there, with a UsageError that says which are."""
+    if name == CPU:
+        return
+    _load()
+    if name not in _devices:
+        from gsvc_base.errors import UsageError
+
+        there = ", ".join((CPU, *_devices))
+        raise UsageError(f"there is no device {name!r}, only {there}; cuda needs pip install 'gsvc-conformance[cuda]'")
+
+
+def evaluator(device: str) -> Callable[..., Any]:
+    """What makes the `Evaluator` of a target (H, W, 3) f4 and a background (B, 8) f4 on a device of `add_device`."""
+    return cast("Callable[..., Any]", import_module(_devices[device]).Evaluator)
 
 
 @cache

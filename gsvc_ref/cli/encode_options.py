@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 
 OVERRIDES: Final = (
     "splats", "psnr", "quality", "iterations", "key_frames", "low_latency", "frames", "seed", "threads", "precision",
-    "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index", "checksums",
-    "paced", "profile", "layers", "layer_splats", "layers_base", "bitrate", "size", "mean_psnr", "vmaf",
+    "device", "effects", "decisions", "cholesky_bits", "color_stages", "color_codewords", "lane_count", "index",
+    "checksums", "paced", "profile", "layers", "layer_splats", "layers_base", "bitrate", "size", "mean_psnr", "vmaf",
 )  # fmt: skip
 """Options that are settings of the same name; one that is not given leaves the preset's value."""
 
@@ -129,13 +129,12 @@ def add_options(parser: ArgumentParser) -> None:
     other.add_argument(
         "--seed", type=whole, metavar="S", help="seed of all randomness; the same seed gives the same file"
     )
-    other.add_argument(
-        "--threads", type=whole, metavar="T", help="threads to compute with; the file does not depend on it"
-    )
+    other.add_argument("--threads", type=whole, metavar="T", help="threads of the CPU; the file is the same with any")
     other.add_argument(
         "--precision", choices=("fast", "deterministic"),
         help="fast (default), or deterministic: the file depends on the kind of CPU neither; about a quarter slower",
     )  # fmt: skip
+    other.add_argument("--device", metavar="NAME", help="what fits splats: cpu (default), or cuda; other bytes")
     other.add_argument("--json", action="store_true", help="print the report as JSON, and only that")
     other.add_argument("--quiet", action="store_true", help="print nothing but errors")
 

@@ -109,7 +109,7 @@ class _PaperFrame:
         self.height, self.width = frame.shape[:2]
         self.peak = (1 << encoder.bit_depth) - 1
         self.picture: F4 = frame.astype(np.float32) / np.float32(self.peak)  # (H, W, 3) f4
-        self.objective = Objective(self.picture, self.settings.threads, precision=self.settings.precision)
+        self.objective = Objective(self.picture, **self.settings.computing)
         self.seconds = StageSeconds()
         self.iterations = 0
         self.log = FrameLog()
@@ -310,8 +310,7 @@ class _PaperFrame:
             self.iterations, done = self.iterations + 1, done + 1
             self.progress("fit", done, max(done, iterations), psnr_of_loss(loss))
 
-        settings = self.settings
-        return Target(self.picture, threads=settings.threads, precision=settings.precision, on_evaluation=evaluated)
+        return Target(self.picture, on_evaluation=evaluated, **self.settings.computing)
 
 
 def _new_population(parameters: F4) -> Population:

@@ -31,7 +31,7 @@ class Pretraining:
     def losses(self, picture: F4) -> tuple[float, float | None]:
         """The losses of a picture (H, W, 3) f4 as an I-frame and as a P-frame; the first frame has no second one."""
         small = reduced(picture, self.detection.longest_side)
-        objective = Objective(small, self.settings.threads, precision=self.settings.precision)
+        objective = Objective(small, **self.settings.computing)
         height, width = small.shape[:2]
         count = min(
             self.settings.splat_count(picture.shape[1], picture.shape[0]), self.detection.splats or width * height

@@ -2,7 +2,8 @@
 
 `gsvc_base.rendering` says in binary64 what a picture is, and how far a binary32 renderer may be from it.
 `deterministic` says in which order operations come where every bit is fixed. `renderer`,
-`sequence`, `objective` and `sampled` are what the rest of the package calls; they compute on the machine in `fast`.
+`sequence`, `objective` and `sampled` are what the rest of the package calls; they compute on the machine in `fast`, the
+last two on any device that has an `Evaluator`.
 `pictures` and `losses` are single operations on pictures.
 """
 
@@ -10,6 +11,7 @@ from gsvc_base.constants import LN_255 as LN_255
 from gsvc_base.constants import SMALLEST_NORMAL as SMALLEST_NORMAL
 from gsvc_base.rendering.bounds import exact_gradients_with_bound as exact_gradients_with_bound
 from gsvc_base.rendering.bounds import render_exact_with_bound as render_exact_with_bound
+from gsvc_ref.rendering.evaluator import Evaluator as Evaluator
 from gsvc_ref.rendering.losses import Loss as Loss
 from gsvc_ref.rendering.losses import loss as loss
 from gsvc_ref.rendering.objective import Objective as Objective

@@ -1,4 +1,7 @@
-"""The loss that training descends, and its gradient, in one pass over the tiles."""
+"""The loss that training descends, and its gradient."""
+
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,14 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 from gsvc_base.arrays import F4
 from gsvc_base.errors import UsageError
 from gsvc_base.splats import PARAMETERS_PER_SPLAT
-from gsvc_ref.rendering.fast.jobs import LOSS, LOSS_AND_GRADIENTS, PICTURE, Job
-from gsvc_ref.rendering.fast.rasterizer import Rasterizer
-from gsvc_ref.rendering.fast.regions import Regions
+from gsvc_ref import plugins
+from gsvc_ref.rendering.evaluator import make_evaluator
 from gsvc_ref.rendering.fast.threads import thread_count
-from gsvc_ref.rendering.fast.tile_pictures import to_tiles
-from gsvc_ref.rendering.fast.tiles import EMPTY
-from gsvc_ref.rendering.losses import total_loss
-from gsvc_ref.rendering.precision import Precision, check_precision
+from gsvc_ref.rendering.precision import Precision
+
+OnEvaluation = Callable[[float], None]
+"""Called with the loss after each evaluation of a gradient."""
+
+_NO_SPLATS: Final[F4] = np.zeros((0, PARAMETERS_PER_SPLAT), np.float32)
 
 
 class Objective:
@@ -29,8 +33,8 @@ class Objective:
     straight through, it pulls C back as long as the target is not at the same bound, and overshoot over a saturated
     target costs nothing.
 
-    The results have the same bits for any number of threads. One objective serves one thread at a time; several
-    objectives can work side by side.
+    An `Evaluator` computes it: on the CPU with the same bits for any number of threads, on another device with other
+    ones. One objective serves one thread at a time; several objectives can work side by side.
     """
 
     def __init__(
@@ -40,8 +44,9 @@ class Objective:
         *,
         precision: Precision = "fast",
         background: ArrayLike | None = None,  # (B, 8) f4, splats of every picture, such as those of lower layers
+        device: str = plugins.CPU,
+        on_evaluation: OnEvaluation | None = None,
     ) -> None:
-        check_precision(precision, ("fast", "deterministic"))
         picture = np.ascontiguousarray(target, np.float32)  # (H, W, 3) f4
         if picture.ndim != 3 or picture.shape[2] != 3 or picture.size == 0:
             raise UsageError(f"the target has shape {picture.shape}; it must be (H, W, 3) with at least one pixel")
@@ -49,31 +54,20 @@ class Objective:
             raise UsageError("the target has a value that is NaN or infinite; 1.0 is full scale")
         self.height, self.width = picture.shape[:2]
         self.threads = thread_count(threads)
-        self._target = to_tiles(picture)  # (tiles, H * ROW) f4
-        self._picture = picture
-        self._pixels = self.height * self.width
-        self._losses = np.zeros(len(self._target))  # (tiles,) f8
-        self._rasterizer = Rasterizer(self.width, self.height, threads)
-        self._regions = Regions.all_of(len(self._target), self.height, self.height)
-        self._job = Job(self.width, self.height, strict=precision == "deterministic")
-        self._background = EMPTY
-        if background is not None and len(packed := _checked(background)):
-            self._rasterizer.binning.load(packed)
-            # The background is rendered once: the sum of every pixel begins with it.
-            self._background = to_tiles(self._draw(EMPTY, clamp=False))
-            self._rasterizer.binning.load(packed[:0])
-        self._base = self._background  # and the sum of the frozen splats
-        self._moving: NDArray[np.int64] | None = None  # the indices of the others; None: all
+        self._target, self._on_evaluation = picture, on_evaluation
+        behind = _checked(_NO_SPLATS if background is None else background)
+        self._evaluator = make_evaluator(picture, behind, device, precision, threads)
+        self._moving: NDArray[np.int64] | None = None  # the indices of the splats that are not frozen; None: all
         self._count = 0  # splats in all where some are frozen
-        self._drawn: F4 | None = None  # the picture of the parameters evaluated last, where it was kept
 
     def evaluate(self, parameters: ArrayLike, *, drawn: bool = False) -> tuple[float, F4]:
         """The loss, summed in binary64 in a fixed order, and its gradient (N, 8) f4 for splats (N, 8) f4 (R-10.2-1).
 
         `drawn` keeps the picture, for which `picture` would have to render the splats again.
         """
-        loss = self._run(parameters, LOSS_AND_GRADIENTS, self._new_picture() if drawn else None)
-        gradient = self._rasterizer.gradients(2 / self._pixels)  # (10-2)
+        loss, gradient = self._evaluator.evaluate(self._moved(parameters), drawn=drawn)
+        if self._on_evaluation:
+            self._on_evaluation(loss)
         if self._moving is None:
             return loss, gradient
         of_all = np.zeros((self._count, PARAMETERS_PER_SPLAT), np.float32)  # (N, 8) f4
@@ -89,70 +83,41 @@ class Objective:
         packed, held = _checked(parameters), np.asarray(frozen)
         if held.dtype != np.bool_ or held.shape != (len(packed),):
             raise UsageError(f"frozen is {held.dtype} of shape {held.shape}; it must be bool of shape (N,)")
-        self.thaw()
+        self.hold(packed[held])
         if held.any():
-            self._count = len(packed)
-            self._rasterizer.binning.load(packed[held])
-            self._base = to_tiles(self._draw(self._background, clamp=False))
-            self._moving = np.flatnonzero(~held)
+            self._count, self._moving = len(packed), np.flatnonzero(~held)
 
     def thaw(self) -> None:
         """Hold no splat fixed."""
-        self._base, self._moving, self._drawn = self._background, None, None
+        self.hold(_NO_SPLATS)
 
     def hold(self, parameters: ArrayLike) -> None:
-        """Add splats (n, 8) f4 to the background, in place of those that were held or frozen before; none: only it.
-
-        They are rendered once.
-        """
-        packed = _checked(parameters)
-        self.thaw()
-        if len(packed):
-            self._rasterizer.binning.load(packed)
-            self._base = to_tiles(self._draw(self._background, clamp=False))
+        """Add splats (n, 8) f4 to the background, in place of those that were held or frozen before; none: only it."""
+        self._evaluator.hold(_checked(parameters))
+        self._moving = None
 
     def loss(self, parameters: ArrayLike, *, drawn: bool = False) -> float:
-        """The loss alone: the same bits as `evaluate` returns, in about 40 % of its time; `drawn` is as there."""
-        return self._run(parameters, LOSS, self._new_picture() if drawn else None)
+        """The loss alone: the same bits as `evaluate` returns, in less time; `drawn` is as there."""
+        return self._evaluator.loss(self._moved(parameters), drawn=drawn)
 
     def picture(self) -> F4:
         """The picture (H, W, 3) f4, clamped to [0, 1], of the parameters evaluated last (black before that)."""
-        return self._draw(self._base, clamp=True) if self._drawn is None else self._drawn.copy()
+        return self._evaluator.picture()
 
     def residual(self) -> F4:
         """The residual (H, W, 3) f4 of the parameters evaluated last: `picture()` minus the target."""
-        drawn = self._draw(self._base, clamp=True) if self._drawn is None else self._drawn
-        return np.asarray(drawn - self._picture)
-
-    def _draw(self, base: F4, *, clamp: bool) -> F4:
-        """The picture (H, W, 3) f4 of the splats loaded last, on a base."""
-        picture = self._new_picture()
-        job = self._job._replace(kind=PICTURE, base=base, picture=picture.reshape(self.height, -1), clamp=clamp)
-        self._rasterizer.run(job, self._regions)
+        picture = self._evaluator.picture()
+        picture -= self._target
         return picture
 
-    def _new_picture(self) -> F4:
-        """Room for a picture, (H, W, 3) f4."""
-        return np.empty((self.height, self.width, 3), np.float32)
-
-    def _run(self, parameters: ArrayLike, kind: int, drawn: F4 | None = None) -> float:
-        """Load the splats that are not frozen and do a job, which may draw the picture too; return the loss."""
+    def _moved(self, parameters: ArrayLike) -> F4:
+        """The parameters (n, 8) f4 of the splats that are not frozen."""
         packed = _checked(parameters)
-        if self._moving is not None:
-            if len(packed) != self._count:
-                raise UsageError(
-                    f"there are {len(packed)} splats; some of {self._count} are frozen, so give all of those"
-                )
-            packed = packed[self._moving]
-        self._rasterizer.binning.load(packed)
-        moments = self._rasterizer.moments if kind == LOSS_AND_GRADIENTS else EMPTY
-        job = self._job._replace(
-            kind=kind, base=self._base, target=self._target, losses=self._losses, moments=moments,
-            picture=EMPTY if drawn is None else drawn.reshape(self.height, -1), clamp=True,
-        )  # fmt: skip
-        self._rasterizer.run(job, self._regions)
-        self._drawn = drawn
-        return total_loss(self._losses, self._pixels)
+        if self._moving is None:
+            return packed
+        if len(packed) != self._count:
+            raise UsageError(f"there are {len(packed)} splats; some of {self._count} are frozen, so give all of those")
+        return packed[self._moving]
 
 
 def _checked(parameters: ArrayLike) -> F4:

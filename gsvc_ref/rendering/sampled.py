@@ -1,12 +1,14 @@
 """The loss on every second row, or on a quarter of the pixels: a share of the work, for steps that need no more."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gsvc_base.arrays import F4
 from gsvc_base.errors import UsageError
+from gsvc_ref.rendering.fast.threads import thread_count
 from gsvc_ref.rendering.objective import Objective
-from gsvc_ref.rendering.precision import Precision
 
 
 class SampledObjective:
@@ -23,10 +25,10 @@ class SampledObjective:
         target: F4,
         threads: int | None = None,
         *,
-        precision: Precision = "fast",
         background: ArrayLike | None = None,
         down: int = 1,  # 2: each lattice has every second row
         right: int = 1,
+        **how: Any,  # other arguments of `Objective`
     ) -> None:
         if down not in (1, 2) or right not in (1, 2):
             raise UsageError(f"the steps are {down} and {right}; each must be 1 or 2")
@@ -34,12 +36,13 @@ class SampledObjective:
         self._down, self._right = min(down, self.height), min(right, self.width)  # a side of one pixel has the step 1
         high, wide = 1 / self._down, 1 / self._right
         self._scale = np.array([wide, high, wide, high, high, 1, 1, 1], np.float32)  # of x, y, l11, l21, l22, colours
+        self.threads = thread_count(threads)
         self._origins = [(y, x) for y in range(self._down) for x in range(self._right)]
         background_splats = np.zeros((0, 8), np.float32) if background is None else np.asarray(background, np.float32)
         self._objectives = [
             Objective(
-                target[y :: self._down, x :: self._right], threads, precision=precision,
-                background=self._on_lattice(background_splats, y, x),
+                target[y :: self._down, x :: self._right], threads,
+                background=self._on_lattice(background_splats, y, x), **how,
             )
             for y, x in self._origins
         ]  # fmt: skip

@@ -30,6 +30,7 @@ from gsvc_ref.encoder.main.target import SQUARE_OF_8_BITS
 from gsvc_ref.encoder.motion import estimated_motion
 from gsvc_ref.main.motion import field_shape
 from gsvc_ref.rendering import SampledObjective
+from gsvc_ref.rendering.fast.threads import run_tasks
 
 UNITS: Final = 4  # vectors are in units of 1/4 px
 LONGEST_VECTOR: Final = 2047  # longest component of a vector in units, so that every difference of two has a class
@@ -177,7 +178,9 @@ class _Search:
     def _matrix(self, cell: int, vectors: F8) -> F8:
         """H of the picture drawn last; `quarter` has one in four of its pixels."""
         out = np.zeros((*vectors.shape[:2], len(PAIRS), 3))
-        sum_products(self.objective.quarter(), vectors, cell, 2 * SQUARE_OF_8_BITS * 4 / (UNITS * UNITS), out)
+        quarter, bands = self.objective.quarter(), min(len(out), self.objective.threads)
+        ends = np.arange(bands + 1) * len(out) // bands  # of the rows of cells that are one task
+        run_tasks(lambda i: sum_products(quarter, vectors, cell, (ends[i], ends[i + 1]), out), bands)
         return out
 
     def _improved(self, cell: int, at: _Point, rounds: int, propose: Callable[[Model, F8], F8], price: float) -> _Point:
@@ -270,16 +273,28 @@ def curvatures(reference: F4) -> F8:
 
 
 @kernel()
-def sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> None:
-    """The matrix H of `motion_field`, added to out (gy, gx, 5, 3): for each of PAIRS the entries xx, xy, yy.
+def sum_products(quarter: F4, vectors: F8, cell: int, band: tuple[int, int], out: F8) -> None:
+    """The matrix H of `motion_field` in a band of rows, added to out (gy, gx, 5, 3): of each of PAIRS xx, xy, yy.
 
-    `quarter` is (h, w, 3), every second pixel of every second row; derivatives are those in the middle of four.
+    `quarter` is (h, w, 3), every second pixel of every second row; derivatives are those in the middle of four. Every
+    sum is one over pixels row by row, whatever the bands are.
     """
     rows, columns = vectors.shape[:2]
-    weights = np.empty(4)
-    for above in range(quarter.shape[0] - 1):
+    first, last = band
+    weights, scale = np.empty(4), 2 * SQUARE_OF_8_BITS * 4 / (UNITS * UNITS)
+    # Above and below these rows of `quarter` no pixel comes from a cell beside the band.
+    start = 0 if first == 0 else int((cell * (first - 0.5) + vectors[:, :, 1].min() / UNITS) / 2) - 2
+    stop = len(quarter) if last == rows else int((cell * (last + 0.5) + vectors[:, :, 1].max() / UNITS) / 2) + 1
+    for above in range(max(start, 0), min(stop, quarter.shape[0] - 1)):
         for left in range(quarter.shape[1] - 1):
             below, right, y, x = above + 1, left + 1, 2 * above + 1, 2 * left + 1
+            # The weights are those at the place before the motion, which the vector of a cell beside it leads to.
+            i, j, s, t = place(x + 0.5, y + 0.5, cell, rows, columns)
+            u = x + 0.5 - vectors[j, i, 0] / UNITS
+            v = y + 0.5 - vectors[j, i, 1] / UNITS
+            i, j, s, t = place(u, v, cell, rows, columns)
+            if j + 1 < first or j >= last:
+                continue
             xx, xy, yy = 0.0, 0.0, 0.0
             for c in range(3):
                 high_left, high_right = np.float64(quarter[above, left, c]), np.float64(quarter[above, right, c])
@@ -289,16 +304,13 @@ def sum_products(quarter: F4, vectors: F8, cell: int, scale: float, out: F8) -> 
                 xx += dx * dx
                 xy += dx * dy
                 yy += dy * dy
-            # The weights are those at the place before the motion, which the vector of a cell beside it leads to.
-            i, j, s, t = place(x + 0.5, y + 0.5, cell, rows, columns)
-            u = x + 0.5 - vectors[j, i, 0] / UNITS
-            v = y + 0.5 - vectors[j, i, 1] / UNITS
-            i, j, s, t = place(u, v, cell, rows, columns)
             weights[0], weights[1], weights[2], weights[3] = (1 - s) * (1 - t), s * (1 - t), (1 - s) * t, s * t
             i1, j1 = min(i + 1, columns - 1), min(j + 1, rows - 1)
             xx, xy, yy = scale * xx, scale * xy, scale * yy
             for a in range(4):
                 row = j if a < 2 else j1
+                if not first <= row < last:
+                    continue
                 column = i if a % 2 == 0 else i1
                 for b in range(a, 4):
                     w = weights[a] * weights[b]

@@ -211,8 +211,8 @@ class MainFrame:
 
     def new_target(self, evaluations: int) -> Target:
         """What splats are fitted to in about so many evaluations."""
-        settings, watch = self.settings, self._watch(evaluations)
-        return Target(self.picture, self.encoder.below.to_array(), settings.threads, settings.precision, watch)
+        below, watch = self.encoder.below.to_array(), self._watch(evaluations)
+        return Target(self.picture, below, on_evaluation=watch, **self.settings.computing)
 
     def repeat(self, reason: str | None = None) -> EncodedFrame:
         """An R-frame: nothing changes; `reason` is why a P-frame became one, None where it was to be one."""

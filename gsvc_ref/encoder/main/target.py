@@ -8,9 +8,9 @@ same at every size. What another size evaluates is another function, so that an 
 change (as after `Walk.append`). The last evaluations belong to the full size.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property, partial
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.random import Generator
@@ -19,11 +19,8 @@ from gsvc_base.arrays import F4, F8, I8
 from gsvc_ref.encoder.initialization import image_start
 from gsvc_ref.encoder.main.coordinates import gradient_by_coordinates, to_coordinates
 from gsvc_ref.encoder.main.edges import edge_splats, structure_tensor
-from gsvc_ref.rendering import Objective, Precision
+from gsvc_ref.rendering import Objective
 from gsvc_ref.training.reduction import block_means
-
-OnEvaluation = Callable[[float], None]
-"""Called with the loss, as in `Objective`."""
 
 SQUARE_OF_8_BITS: Final = 255.0 * 255.0
 """A squared error of 1 in units of 8 bits."""
@@ -77,21 +74,13 @@ class Target:
 
     While splats are few, a smaller picture does: `resize` chooses what is evaluated. The squared error is always that
     of the whole picture, or about that. `base` (B, 8) f4 are splats that are in every picture, such as those of a lower
-    layer; `on_evaluation` is called after each evaluation.
+    layer; `how` are other arguments of `Objective`.
     """
 
-    def __init__(
-        self,
-        picture: F4,
-        base: F4 | None = None,
-        threads: int | None = None,
-        precision: Precision = "fast",
-        on_evaluation: OnEvaluation | None = None,
-    ) -> None:
+    def __init__(self, picture: F4, base: F4 | None = None, **how: Any) -> None:
         self.height, self.width = picture.shape[:2]
         self.base_count = 0 if base is None else len(base)
-        self._picture, self._on_evaluation = picture, on_evaluation
-        self._objective = partial(Objective, threads=threads, precision=precision)
+        self._picture, self._objective = picture, partial(Objective, **how)
         self._whole = Reduced(self._objective(picture, background=base), picture, 1)
         self._size, self._sizes = self._whole, {1: self._whole}  # by step, each made when it is first asked for
         self._scale = self.height * self.width * SQUARE_OF_8_BITS
@@ -126,8 +115,6 @@ class Target:
     def evaluate(self, parameters: F4) -> tuple[float, F8]:
         """The squared error of splats (N, 8) f4, and its gradient (N, 8) f8 by (u, v, m, r, s, n0, n1, n2)."""
         loss, gradient = self._size.evaluate(parameters)
-        if self._on_evaluation:
-            self._on_evaluation(loss)
         return loss * self._scale, gradient_by_coordinates(parameters, gradient * np.float32(self._scale))
 
 

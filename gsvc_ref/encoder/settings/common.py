@@ -5,10 +5,12 @@ from typing import Any, ClassVar, Final, Literal, Self
 
 from gsvc_base.checks import check_range, check_types
 from gsvc_base.errors import UsageError
+from gsvc_ref import plugins
 from gsvc_ref.bitstream import LEVELS
 from gsvc_ref.encoder.effects import Effects
 from gsvc_ref.encoder.settings.detection import DetectionSettings
 from gsvc_ref.rendering import Precision
+from gsvc_ref.rendering.evaluator import check_device
 from gsvc_ref.rendering.precision import check_precision
 
 KeyFrames = Literal["auto"] | int | tuple[int, ...]
@@ -68,6 +70,9 @@ class Settings:
         Threads of the kernels; None: all. The bytes do not depend on it.
     precision
         The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
+    device
+        What computes the losses and gradients of splats: ``cpu``, or a device of a plug-in, such as ``cuda``, whose
+        arithmetic has other last bits, so that it makes another stream of the same quality.
     lane_count
         Lanes of the entropy coder: as many as a decoder can use at once. Profile `main` has up to 4096, and
         ``by-size`` as its default: as many as cost 0.6 % of the bits; ``by-size:2%`` says another share. Profile
@@ -107,6 +112,7 @@ class Settings:
     seed: int = 0
     threads: int | None = None
     precision: Precision = "fast"
+    device: str = plugins.CPU
     lane_count: int | str = 1
     index: bool = True
     checksums: bool = False
@@ -123,6 +129,7 @@ class Settings:
             check_range(name, getattr(self, name), low, high)
         check_range("threads", self.threads, 1, 1024)
         check_precision(self.precision, ("fast", "deterministic"))
+        check_device(self.device, self.precision)
         check_range("seed", self.seed, 0, 2**63 - 1)
         if isinstance(self.lane_count, int):
             check_range("lane_count", self.lane_count, 1, self.MOST_LANES)
@@ -206,6 +213,11 @@ class Settings:
     def goal(self) -> str | None:
         """The name of the goal of GOALS that is given, if one is."""
         return next((name for name in GOALS if getattr(self, name) is not None), None)
+
+    @property
+    def computing(self) -> dict[str, Any]:
+        """Where and how losses and gradients are computed: arguments of `Objective` and `SampledObjective`."""
+        return {"threads": self.threads, "precision": self.precision, "device": self.device}
 
     @property
     def has_quality(self) -> bool:

@@ -16,4 +16,4 @@ def digest(threads: int) -> str:
 
 
 def test_bytes_do_not_depend_on_the_threads() -> None:
-    assert digest(1) == digest(2)
+    assert len({digest(threads) for threads in (1, 2, 5)}) == 1
