@@ -6,7 +6,9 @@ wall, from the first of several calls to the end of the last. The result has the
 """
 
 import argparse
+import sys
 import time
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
@@ -16,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_lab.benchmarks.gpu.outcome import Record
-from gsvc_lab.benchmarks.gpu.splats import SMALL, TRAINED, Scene
+from gsvc_lab.benchmarks.gpu.splats import SMALL, STREAM, TRAINED, Scene
 from gsvc_lab.benchmarks.timing import Spread
 
 KINDS: Final = {
@@ -49,8 +51,94 @@ class Bench:
 
 
 def cuda(scene: Scene) -> Bench:
-    """The CUDA adapter."""
-    raise NotImplementedError
+    """The CUDA adapter, whose launches are recorded once (a CUDA graph) and started again."""
+    from gsvc_conformance.adapters.cuda import device
+
+    works = {kind: device.replay(work) for kind, work in cuda_works(scene).items()}
+    return Bench(cupy_timer() if device.machine().__name__.endswith("gpu") else wall(device.synchronize), works)
+
+
+def cuda_works(scene: Scene) -> dict[str, Call]:
+    """What the CUDA adapter launches for each kind."""
+    from gsvc_conformance.adapters.cuda import device, rendering
+
+    count, size, parameters = scene.count, (scene.width, scene.height), device.upload(scene.splats(), "f4")
+
+    def drawing(exact: bool, samples: int) -> Call:
+        there = rendering.Scene(*size, count, exact=exact)
+        into = device.storage(scene.width * scene.height * samples)
+
+        def work() -> None:
+            there.fill(parameters, count)
+            if samples == 3:
+                there.frame(into, 8)
+            else:
+                there.sum(into)
+
+        return work
+
+    there = rendering.Scene(*size, count, slots=1)
+    there.fill(parameters, count)
+    there = rendering.Scene(*size, count, slots=int(device.download(there.slots_needed, (), "u8")))
+    target, gradients = device.upload(scene.target(), "f4"), device.storage(32 * count)
+    losses = device.storage(8 * rendering.WARPS * there.blocks[0] * there.blocks[1])
+
+    def evaluate() -> None:
+        there.fill(parameters, count)
+        there.draw("loss_and_gradients", None, target, losses, there.moments, None)
+        there.gradients(parameters, count, 2 / (scene.width * scene.height), gradients)
+
+    return {
+        "picture": drawing(False, 12), "exact_picture": drawing(True, 12),
+        "frame": drawing(False, 3), "exact_frame": drawing(True, 3), "evaluation": evaluate,
+    }  # fmt: skip
+
+
+def timeline(work: Call) -> list[tuple[str, float, float]]:
+    """Each kernel that the CUDA adapter launches for some work, with its begin and end in milliseconds.
+
+    They run one after the other with events between, so that gaps are a little longer than without.
+    """
+    import cupy
+
+    from gsvc_conformance.adapters.cuda.device import Launch
+
+    start, marks = Launch.__call__, list[tuple[str, Any, Any]]()
+    first = cupy.cuda.Event()
+
+    def watched(launch: Launch) -> None:
+        before, after = cupy.cuda.Event(), cupy.cuda.Event()
+        before.record()
+        start(launch)
+        after.record()
+        marks.append((launch.kernel, before, after))
+
+    work()
+    Launch.__call__ = watched  # type: ignore[method-assign]
+    try:
+        first.record()
+        work()
+    finally:
+        Launch.__call__ = start  # type: ignore[method-assign]
+    cupy.cuda.get_current_stream().synchronize()
+    elapsed = cupy.cuda.get_elapsed_time
+    return [(kernel, *(round(elapsed(first, mark), 4) for mark in (before, after))) for kernel, before, after in marks]
+
+
+def cupy_timer() -> Timer:
+    """CuPy's events of CUDA."""
+    import cupy
+
+    def seconds(call: Call, count: int) -> float:
+        first, last = cupy.cuda.Event(), cupy.cuda.Event()
+        first.record()
+        for _ in range(count):
+            call()
+        last.record()
+        last.synchronize()
+        return float(cupy.cuda.get_elapsed_time(first, last)) / 1000
+
+    return seconds
 
 
 def opencl(scene: Scene) -> Bench:
@@ -179,8 +267,8 @@ def measured(call: Call, timer: Timer) -> dict[str, float]:
     return {"median": spread.median, "low": spread.low, "high": spread.high, "calls": ROUNDS * count}
 
 
-def measure(name: str, scenes: Sequence[Scene], record: Record) -> None:
-    """Measure all kinds on all scenes; what is known so far is always in the record."""
+def measure(name: str, scenes: Sequence[Scene], record: Record) -> bool:
+    """Measure all kinds on all scenes, and say whether that was possible; what is known is always in the record."""
     module = f"gsvc_conformance.adapters.{name}"
     works = {f"{kind}_{scene.id}": f"{what}, {scene.name}" for kind, what in KINDS.items() for scene in scenes}
     seconds: dict[str, dict[str, float]] = {}
@@ -192,14 +280,21 @@ def measure(name: str, scenes: Sequence[Scene], record: Record) -> None:
     rates = [work for work in works if not work.startswith("evaluation")]
     record.keep(works=works, rates=rates, implementations=[entry])
     for scene in scenes:
-        bench = BENCHES[name](scene)
-        for kind, call in bench.calls.items():
-            try:
-                seconds[f"{kind}_{scene.id}"] = measured(call, bench.timer)
-            except Exception as error:  # whatever a driver meets; the rest may be possible
-                missing[f"{kind}_{scene.id}"] = f"{type(error).__name__}: {error}"
-            record.keep()
+        work = f"all of {scene.id}"
+        try:
+            bench = BENCHES[name](scene)
+            for kind, call in bench.calls.items():
+                work = f"{kind}_{scene.id}"
+                seconds[work] = measured(call, bench.timer)
+                record.keep()
+        except Exception as error:  # whatever a driver meets; other scenes may be possible
+            traceback.print_exc()
+            missing[work] = f"{type(error).__name__}: {error}"
+    if name == "cuda" and "compute_capability" in entry["environment"]:
+        works_of_scene = cuda_works(next(scene for scene in scenes if scene.count == STREAM))
+        record.keep(timeline={f"{KINDS[kind]}": timeline(work) for kind, work in works_of_scene.items()})
     record.end()
+    return not missing
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -209,7 +304,8 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--small", action="store_true", help="a small scene instead of the trained ones")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the numbers go")
     arguments = parser.parse_args(words)
-    measure(arguments.name, SMALL if arguments.small else TRAINED, Record(arguments.json))
+    if not measure(arguments.name, SMALL if arguments.small else TRAINED, Record(arguments.json)):
+        sys.exit(2)
 
 
 if __name__ == "__main__":
