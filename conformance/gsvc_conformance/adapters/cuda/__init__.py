@@ -7,6 +7,15 @@ The second line needs no GPU.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment
+from gsvc_conformance.adapters.cuda.main_profile import MAIN
+from gsvc_conformance.adapters.cuda.reconstruction import (
+    from_half,
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    rendering_work,
+    to_half,
+)
 from gsvc_conformance.adapters.cuda.rendering import (
     render_frame,
     render_gradients,
@@ -17,6 +26,7 @@ from gsvc_conformance.adapters.cuda.rendering import (
     to_frame,
     to_frame_deterministic,
 )
+from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
 
 __all__ = [
     "environment",
@@ -29,3 +39,28 @@ __all__ = [
     "to_frame",
     "to_frame_deterministic",
 ]
+
+adapt_model = MAIN.adapt_model
+cells_of_halves = MAIN.cells_of_halves
+codes_of_classes = MAIN.codes_of_classes
+density_frequencies = MAIN.density_frequencies
+encode_run = MAIN.encode_run
+field_vectors = MAIN.field_vectors
+half_frequencies = MAIN.half_frequencies
+main_inter = MAIN.main_inter
+main_intra = MAIN.main_intra
+main_work = MAIN.main_work
+mode_contexts = MAIN.mode_contexts
+model_frequencies = MAIN.model_frequencies
+motion_of_splats = MAIN.motion_of_splats
+splat_classes = MAIN.splat_classes
+state_parameters = MAIN.state_parameters
+window_frequencies = MAIN.window_frequencies
+
+read_main_stream = NAMES["read_main_stream"]
+reconstruct_layers = NAMES["reconstruct_layers"]
+reconstruct_stream = NAMES["reconstruct_stream"]
+decode_layers = NAMES["decode_layers"]
+read_stream = NAMES["read_stream"]
+decode_plane = NAMES["decode_plane"]
+seek = NAMES["seek"]

@@ -121,6 +121,27 @@ def synchronize() -> None:
     machine().synchronize()
 
 
+def stream() -> Any:
+    """A stream beside the others, as CuPy has them: ``with`` makes it the current one."""
+    return machine().stream()
+
+
+def pinned(size: int) -> Array:
+    """So many bytes of the host, all zero, for `send` and `fetch`."""
+    memory: Array = machine().pinned(max(size, 1))
+    return memory
+
+
+def send(values: Array, buffer: Buffer) -> None:
+    """Copy pinned bytes to the beginning of a buffer in the order of the current stream: nobody waits."""
+    machine().send(values, buffer)
+
+
+def fetch(buffer: Buffer, values: Array) -> None:
+    """Copy the beginning of a buffer to pinned bytes in the order of the current stream: nobody waits."""
+    machine().fetch(buffer, values)
+
+
 class Launch:
     """A kernel with its arguments, which may be started many times: a call of it costs little more than CUDA's own.
 

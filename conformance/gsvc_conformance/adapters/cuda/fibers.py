@@ -55,6 +55,46 @@ def synchronize() -> None:
     """There is nothing to wait for: a launch returns when the kernel has ended."""
 
 
+class Stream:
+    """Nothing runs at the same time as anything else, so nobody waits: see `gpu.stream`."""
+
+    def __enter__(self) -> "Stream":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def record(self) -> "Stream":
+        """An event that has happened."""
+        return self
+
+    def wait_event(self, event: "Stream") -> None:
+        """It has happened."""
+
+    def synchronize(self) -> None:
+        """All of it has ended."""
+
+
+def stream() -> Stream:
+    """See `gpu.stream`."""
+    return Stream()
+
+
+def pinned(size: int) -> Array:
+    """Bytes, all zero."""
+    return np.zeros(size, np.uint8)
+
+
+def send(values: Array, buffer: Array) -> None:
+    """Copy bytes to the beginning of a buffer."""
+    buffer[: values.nbytes] = values
+
+
+def fetch(buffer: Array, values: Array) -> None:
+    """Copy the beginning of a buffer."""
+    values[:] = buffer[: values.nbytes]
+
+
 @cache
 def compiler() -> tuple[tuple[str, ...], str]:
     """The command of CXX, or g++, and the first line that it says of its version.

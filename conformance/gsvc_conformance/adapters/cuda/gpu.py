@@ -127,6 +127,33 @@ def synchronize() -> None:
         cupy.cuda.get_current_stream().synchronize()
 
 
+def stream() -> cupy.cuda.Stream:
+    """A stream beside the others: ``with`` makes it the current one."""
+    architecture()
+    return cupy.cuda.Stream(non_blocking=True)
+
+
+def pinned(size: int) -> Array:
+    """Bytes of the host that the device copies without waiting for anybody, all zero."""
+    with explaining():
+        memory = cupy.cuda.alloc_pinned_memory(size)
+    array = np.frombuffer(memory, np.uint8, size)
+    array[:] = 0
+    return array
+
+
+def send(values: Array, buffer: cupy.ndarray) -> None:
+    """Copy pinned bytes to the beginning of a buffer, in the order of the current stream."""
+    with explaining():
+        buffer.data.copy_from_host_async(values.ctypes.data, values.nbytes)
+
+
+def fetch(buffer: cupy.ndarray, values: Array) -> None:
+    """Copy the beginning of a buffer to pinned bytes, in the order of the current stream."""
+    with explaining():
+        buffer.data.copy_to_host_async(values.ctypes.data, values.nbytes)
+
+
 def compiled(source: str, exact: bool, machine: str) -> bytes:
     """A file of kernels as a cubin for an architecture, such as ``sm_90``; that takes no GPU.
 
