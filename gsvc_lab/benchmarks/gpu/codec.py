@@ -5,6 +5,7 @@ form of the file that `gsvc_lab.benchmarks.adapters` writes.
 """
 
 import argparse
+import sys
 import time
 from collections.abc import Sequence
 from fractions import Fraction
@@ -17,6 +18,7 @@ import numpy as np
 
 import gsvc_ref
 from gsvc_lab.benchmarks.gpu.outcome import Record
+from gsvc_lab.benchmarks.gpu.speeds import noting
 from gsvc_lab.benchmarks.gpu.splats import SMALL, STREAM, TRAINED, Scene
 from gsvc_lab.benchmarks.material import PAN, SEED, picture, stream
 from gsvc_lab.benchmarks.timing import Spread
@@ -64,8 +66,8 @@ def encoded(scene: Scene, count: int, device: str) -> dict[str, list[float]]:
     return {kind: [one.seconds for one in report.frames if one.type == kind] for kind in "IP"}
 
 
-def measure(scene: Scene, data: bytes, passes: int, record: Record) -> None:
-    """Measure all ways; what is known so far is always in the record."""
+def measure(scene: Scene, data: bytes, passes: int, record: Record) -> bool:
+    """Measure all ways, and say whether that was possible; what is known is always in the record."""
     from gsvc_conformance.adapters.cuda import environment
 
     what = f"frame of profile main, {scene.name}"
@@ -81,13 +83,16 @@ def measure(scene: Scene, data: bytes, passes: int, record: Record) -> None:
         entry |= {"seconds": {}, "missing": {}}
     record.keep(works=works, rates=["decode", "exact_decode"], implementations=[cuda, ours])
     for work, exact in (("decode", False), ("exact_decode", True)):
-        cuda["seconds"][work] = decoded(data, exact, passes)
+        with noting(cuda["missing"], work):
+            cuda["seconds"][work] = decoded(data, exact, passes)
         record.keep()
     for entry, device in ((cuda, "cuda"), (ours, "cpu")):
-        for kind, seconds in encoded(scene, FRAMES, device).items():
-            entry["seconds"][f"encode_{kind}"] = spread(seconds)
+        with noting(entry["missing"], "encode"):
+            found = encoded(scene, FRAMES, device)
+            entry["seconds"] |= {f"encode_{kind}": spread(seconds) for kind, seconds in found.items()}
         record.keep()
     record.end()
+    return not cuda["missing"]
 
 
 def main(words: Sequence[str] | None = None) -> None:
@@ -105,7 +110,8 @@ def main(words: Sequence[str] | None = None) -> None:
         gsvc_ref.encode(video, data, Settings.quick(splats=scene.count, profile="main"))
     else:
         concat([stream(STREAM, "main")] * COPIES, data)
-    measure(scene, data.getvalue(), 1 if arguments.small else PASSES, Record(arguments.json))
+    if not measure(scene, data.getvalue(), 1 if arguments.small else PASSES, Record(arguments.json)):
+        sys.exit(2)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """``python -m gsvc_lab.benchmarks.gpu.sanitized TOOL``: the CUDA kernels under compute-sanitizer, on a few vectors.
 
-With --planted the kernels are compiled with a race in them (GSVC_PLANTED_RACE), which racecheck has to report: else it
+With --planted the kernels are compiled with a race in them (GSVC_CUDA_PLANTED_RACE), which racecheck has to report: else it
 would prove nothing that it reports none without.
 """
 
@@ -45,7 +45,7 @@ def main(words: Sequence[str] | None = None) -> None:
     kit += [word for case in CASES for word in ("--case", case)]
     run = subprocess.run(
         [sanitizer, "--tool", arguments.tool, "--print-limit", "20", *kit, "--quiet", "--no-diagnosis"],
-        env={**os.environ, **({"GSVC_PLANTED_RACE": "1"} if arguments.planted else {})},
+        env={**os.environ, **({"GSVC_CUDA_PLANTED_RACE": "1"} if arguments.planted else {})},
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=False,
     )  # fmt: skip
     print(run.stdout)

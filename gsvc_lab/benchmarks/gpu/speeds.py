@@ -9,7 +9,8 @@ import argparse
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -258,6 +259,16 @@ def torch_timer(device: str) -> Timer:
     return seconds
 
 
+@contextmanager
+def noting(missing: dict[str, str], what: str) -> Iterator[None]:
+    """Note why something could not be measured, whatever a driver meets: other things may be possible."""
+    try:
+        yield
+    except Exception as error:
+        traceback.print_exc()
+        missing[what] = f"{type(error).__name__}: {error}"
+
+
 def measured(call: Call, timer: Timer) -> dict[str, float]:
     """Seconds of one call: the median and the quartiles of several rounds of calls."""
     for _ in range(WARM_UP):
@@ -280,16 +291,11 @@ def measure(name: str, scenes: Sequence[Scene], record: Record) -> bool:
     rates = [work for work in works if not work.startswith("evaluation")]
     record.keep(works=works, rates=rates, implementations=[entry])
     for scene in scenes:
-        work = f"all of {scene.id}"
-        try:
+        with noting(missing, scene.id):
             bench = BENCHES[name](scene)
             for kind, call in bench.calls.items():
-                work = f"{kind}_{scene.id}"
-                seconds[work] = measured(call, bench.timer)
+                seconds[f"{kind}_{scene.id}"] = measured(call, bench.timer)
                 record.keep()
-        except Exception as error:  # whatever a driver meets; other scenes may be possible
-            traceback.print_exc()
-            missing[work] = f"{type(error).__name__}: {error}"
     if name == "cuda" and "compute_capability" in entry["environment"]:
         works_of_scene = cuda_works(next(scene for scene in scenes if scene.count == STREAM))
         record.keep(timeline={f"{KINDS[kind]}": timeline(work) for kind, work in works_of_scene.items()})
