@@ -324,13 +324,17 @@ def main(words: Sequence[str] | None = None) -> None:
         for name, reason in outcome.missing.items():
             print(f"{outcome.name}, {name}: {reason}", file=sys.stderr, flush=True)
         results.append(outcome)
+        machine = write(works, results, arguments.json)
     if not results:
         sys.exit("nothing was measured")
-    write(works, results, arguments.json, arguments.markdown)
+    text = table(machine, works, results).markdown()
+    print(text)
+    if arguments.markdown is not None:
+        arguments.markdown.write_text(text + "\n", encoding="utf-8")
 
 
-def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path, markdown_file: Path | None) -> None:
-    """Write the file and the table."""
+def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path) -> dict[str, Any]:
+    """Write the file, and return what it says of the machine."""
     machine = environment(processors())
     del machine["threads"]  # each implementation takes as many as it likes
     numbers = {
@@ -342,10 +346,7 @@ def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Pat
     }
     json_file.parent.mkdir(parents=True, exist_ok=True)
     json_file.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
-    text = table(machine, works, results).markdown()
-    print(text)
-    if markdown_file is not None:
-        markdown_file.write_text(text + "\n", encoding="utf-8")
+    return machine
 
 
 if __name__ == "__main__":

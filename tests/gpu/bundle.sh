@@ -20,6 +20,19 @@ tree=$folder/gsvc-gpu
 mkdir "$tree"
 git ls-files -z gsvc_base gsvc_ref gsvc_tools gsvc_lab conformance vectors spec spec.md docs/gpu.md docs/reports/README.md \
     tests/gpu pyproject.toml LICENSE | tar --create --null --files-from - | tar --extract --directory "$tree"
+"$PYTHON" - "$tree" <<'END'
+# Names and entry points of the packages, as an installation would have them.
+import sys, tomllib
+from pathlib import Path
+for name in ("pyproject.toml", "conformance/pyproject.toml"):
+    project = tomllib.loads(Path(name).read_text())["project"]
+    folder = Path(sys.argv[1], project["name"].replace("-", "_") + "-0.dist-info")
+    folder.mkdir()
+    (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: 0\n")
+    groups = project.get("entry-points", {}).items()
+    lines = [line for group, entries in groups for line in (f"[{group}]", *(f"{k} = {v}" for k, v in entries.items()))]
+    (folder / "entry_points.txt").write_text("\n".join(lines) + "\n")
+END
 git describe --always --dirty --exclude='*' --abbrev=8 >"$tree/COMMIT"
 
 if [ -z "${BARE:-}" ]; then

@@ -33,6 +33,11 @@ def render_sum_deterministic(parameters, width, height):
     if (width, height) in {wrong}:
         total.view("u1")[-1, -1, -2:] ^= 1
     return {{"sum": total}}
+
+def decode_stream_deterministic(stream):
+    frames = gsvc_ref.decode_stream_deterministic(stream)
+    frames[0, 0, 0, :] += 1 if {wrong} else 0
+    return {{"frames": frames}}
 """
 
 
@@ -60,11 +65,11 @@ def test_every_byte_that_differs_is_counted(wrong, tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
     sums.renderer.cache_clear()
     monkeypatch.delitem(sys.modules, "a_renderer", raising=False)
-    golden = made(tmp_path / "golden.json", SMALL, BLOCK)
+    golden = made(tmp_path / "golden.json", SMALL, [sums.VECTOR], BLOCK)
     record = Record(tmp_path / "found.json")
-    sums.compared("a_renderer", SMALL, BLOCK, golden, 1, record)
+    sums.compared("a_renderer", SMALL, [sums.VECTOR], BLOCK, golden, 1, record)
     kept = json.loads(record.path.read_text())
-    assert kept["differing"] == ({SMALL[0].name: 2, "draw 41": 2} if wrong else {})
+    assert kept["differing"] == ({SMALL[0].name: 2, "stream": 3, "draw 41": 2} if wrong else {})
     assert (kept["wrong"], kept["whole"], kept["draws"]) == (bool(wrong), True, BLOCK)
     assert sums_told(record.path, kept)[0] == ("wrong" if wrong else "right")
 

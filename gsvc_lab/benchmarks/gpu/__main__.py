@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final
 
 from gsvc_base.cli.text import plural
-from gsvc_lab.benchmarks.gpu.golden import GOLDEN, made
+from gsvc_lab.benchmarks.gpu.golden import GOLDEN, coded, made
 from gsvc_lab.benchmarks.gpu.page import write_page
 from gsvc_lab.benchmarks.gpu.parts import Part, parts
 from gsvc_lab.benchmarks.gpu.results import Results, summary
@@ -39,10 +39,13 @@ def main(words: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="where reports go (docs/reports; with --cpu that of --work)"
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="where reports go (docs/reports; with --cpu or --only in that of --work)",
     )
     parser.add_argument(
-        "--work", type=Path, default=CACHE / "gpu", metavar="FOLDER", help="where the parts' files and logs go"
+        "--work", type=Path, default=CACHE / "gpu", metavar="WORK", help="where the parts' files and logs go"
     )
     parser.add_argument(
         "--seconds", type=float, default=SECONDS, metavar="S", help=f"for all parts together ({SECONDS})"
@@ -52,7 +55,8 @@ def main(words: Sequence[str] | None = None) -> int:
         "--cpu", action="store_true", help="let processors play the GPU, on little: a test of this command"
     )
     arguments = parser.parse_args(words)
-    out, work = arguments.out or (arguments.work / "reports" if arguments.cpu else REPORTS), arguments.work
+    work = arguments.work
+    out = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
     survey = surveyed(work / "loaders", cpu=arguments.cpu)
     planned = parts(survey, work, cpu=arguments.cpu) if survey.runs else []
     if arguments.only and planned:
@@ -64,7 +68,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(NO_GPU, file=sys.stderr)
         return 2
     if not arguments.cpu:
-        made(GOLDEN, TRAINED, DRAWS)
+        made(GOLDEN, TRAINED, [coded()], DRAWS)
     results = Results(survey, work, out)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     begin = time.monotonic()

@@ -12,6 +12,7 @@ from gsvc_conformance.report.json import read
 from gsvc_conformance.results import Report
 from gsvc_lab.benchmarks.gpu.outcome import State
 from gsvc_lab.benchmarks.gpu.sanitized import CASES
+from gsvc_lab.benchmarks.gpu.splats import DRAWS
 from gsvc_lab.benchmarks.gpu.survey import Adapter, Survey, tool
 
 Told = tuple[State, str]
@@ -81,7 +82,7 @@ def sums_told(path: Path, values: dict[str, Any]) -> Told:
     differing = values.get("differing", {})
     state: State = "wrong" if differing else "right" if values.get("whole") else "stopped"
     first = f", first in {next(iter(differing))}" if differing else ""
-    of = f"{plural(len(values.get('scenes', ())), 'scene')} and {values.get('draws', 0):,} random draws"
+    of = f"{plural(len(values.get('pictures', ())), 'picture or stream')} and {values.get('draws', 0):,} random draws"
     return state, f"{sum(differing.values()):,} bytes differ{first}, of {of}"
 
 
@@ -117,8 +118,8 @@ def parts(survey: Survey, folder: Path, *, cpu: bool) -> list[Part]:
         _sanitizer(survey, name, planted)
         for name, planted in (("racecheck", False), ("memcheck", False), ("racecheck", True))
     ]
-    made += [_speeds(adapter, survey, cpu) for adapter in survey.runs]
-    made += [_codec(adapter, survey, cpu) for adapter in survey.runs if adapter.name == "cuda"]
+    made.sort(key=lambda part: -part.limit)  # longest first
+    made += [part for adapter in survey.runs for part in _timing(adapter, survey, cpu)]
     made.append(_operations(survey, cpu))
     return made
 
@@ -135,12 +136,17 @@ def _judging(adapter: Adapter, survey: Survey, folder: Path, cpu: bool, jobs: in
     few = tuple(word for case in FEW_CASES for word in ("--case", case)) if cpu else ()
     page = ("--html", str(folder / f"{adapter.name}.html"))
     again = tuple(word for operation in REPEATED for word in ("--operation", operation))
-    draws = ("--small", "--draws", "100", "--golden", str(folder / "golden.json")) if cpu else ()
+    draws = (
+        ("--small", "--draws", "100", "--golden", str(folder / "golden.json"))
+        if cpu
+        else ("--draws", str(adapter.draws))
+    )
+    limit = 100 if adapter.draws == DRAWS else 150  # of what is slow, with which to begin
     found = [
-        Part(adapter.name, f"kit, {adapter.name}", (*kit, *waivers, *few, *page, "--json"), 150, kit_told, settings),
+        Part(adapter.name, f"kit, {adapter.name}", (*kit, *waivers, *few, *page, "--json"), limit, kit_told, settings),
         Part(
             f"repeat-{adapter.name}", f"kit three times, {adapter.name}",
-            (*kit, *waivers, *few, "--no-diagnosis", "--repeat", "3", *again, "--json"), 120, repeat_told, settings,
+            (*kit, *waivers, *few, "--no-diagnosis", "--repeat", "3", *again, "--json"), limit, repeat_told, settings,
         ),
     ]  # fmt: skip
     if adapter.name != "gsplat_cuda":  # which has no deterministic sums
@@ -163,6 +169,11 @@ def _sanitizer(survey: Survey, name: str, planted: bool) -> Part:
     return Part(
         f"{'planted-' if planted else ''}{name}", what, words, 120, sanitizer_told, survey.variables, missing=missing
     )
+
+
+def _timing(adapter: Adapter, survey: Survey, cpu: bool) -> list[Part]:
+    found = [_speeds(adapter, survey, cpu)]
+    return [*found, _codec(adapter, survey, cpu)] if adapter.name == "cuda" else found
 
 
 def _speeds(adapter: Adapter, survey: Survey, cpu: bool) -> Part:

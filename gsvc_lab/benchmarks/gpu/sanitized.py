@@ -1,7 +1,7 @@
 """``python -m gsvc_lab.benchmarks.gpu.sanitized TOOL``: the CUDA kernels under compute-sanitizer, on a few vectors.
 
-With --planted the kernels are compiled with a race in them (GSVC_CUDA_PLANTED_RACE), which racecheck has to report: else it
-would prove nothing that it reports none without.
+With --planted the kernels are compiled with a race in them (GSVC_CUDA_PLANTED_RACE), which racecheck has to report:
+else it would prove nothing that it reports none without.
 """
 
 import argparse

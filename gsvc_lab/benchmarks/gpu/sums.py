@@ -1,6 +1,7 @@
 """``python -m gsvc_lab.benchmarks.gpu.sums MODULE``: hold deterministic sums against those of the CPU, to the byte.
 
-The implementation renders the scenes, and then the draws in blocks; their digests have to be those that gsvc_ref had.
+The implementation renders the scenes, decodes a stream, and renders the draws in blocks; the digests have to be those
+that gsvc_ref had.
 Where one is not, gsvc_ref renders the same here, and the bytes that differ are counted. If none does, it is the two
 processors that differ, which is wrong, too.
 """
@@ -12,15 +13,20 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gsvc_base.arrays import F4
-from gsvc_lab.benchmarks.gpu.golden import BLOCK, GOLDEN, Render, block_sums, digest, made
+from gsvc_lab.benchmarks.gpu.golden import BLOCK, GOLDEN, Render, block_sums, coded, digest, made
 from gsvc_lab.benchmarks.gpu.outcome import Record
 from gsvc_lab.benchmarks.gpu.splats import DRAWS, SMALL, TRAINED, Scene
-from gsvc_ref import render_sum_deterministic
+from gsvc_lab.benchmarks.gpu.survey import ROOT
+from gsvc_ref import decode_stream_deterministic, render_sum_deterministic
+
+VECTOR: Final = ROOT / "vectors/core/decode_stream_deterministic/main_pictures_of_a_group/stream.gsvc"
+"""A small stream."""
 
 
 @cache
@@ -36,7 +42,7 @@ def renderer(module: str) -> Render:
     return render
 
 
-def differing_bytes(ours: F4, theirs: F4) -> int:
+def differing_bytes(ours: NDArray[Any], theirs: NDArray[Any]) -> int:
     """The number of bytes that differ; all of them if the shape or the type does."""
     if ours.shape != theirs.shape or ours.dtype != theirs.dtype:
         return ours.nbytes
@@ -52,6 +58,16 @@ def wrong_in_scene(module: str, scene: Scene, golden: str) -> dict[str, int]:
     return {scene.name: differing_bytes(render_sum_deterministic(splats, scene.width, scene.height), theirs)}
 
 
+def wrong_in_stream(module: str, stream: Path, golden: str) -> dict[str, int]:
+    """The number of differing bytes of a stream's frames by its name, if they are wrong."""
+    data = stream.read_bytes()
+    with np.errstate(all="ignore"):
+        theirs = import_module(module).decode_stream_deterministic(data)["frames"]
+    if digest(theirs) == golden:
+        return {}
+    return {stream.stem: differing_bytes(decode_stream_deterministic(data), theirs)}
+
+
 def wrong_in_block(module: str, block: int, golden: str) -> dict[str, int]:
     """The number of differing bytes of each draw of a block that is wrong, by its name."""
     theirs = block_sums(block, renderer(module))
@@ -63,14 +79,23 @@ def wrong_in_block(module: str, block: int, golden: str) -> dict[str, int]:
 
 
 def compared(
-    module: str, scenes: Sequence[Scene], draws: int, golden: dict[str, Any], jobs: int, record: Record
+    module: str,
+    scenes: Sequence[Scene],
+    streams: Sequence[Path],
+    draws: int,
+    golden: dict[str, Any],
+    jobs: int,
+    record: Record,
 ) -> None:
     """Compare everything; what is known so far is always in the record."""
     wrong: dict[str, int] = {}
-    record.keep(scenes=[], draws=0, differing={})
+    record.keep(pictures=[], draws=0, differing={})
     for scene in scenes:
         wrong |= wrong_in_scene(module, scene, golden["sums"][scene.id][1])
-        record.keep(scenes=[*record.values["scenes"], scene.name], differing=wrong)
+        record.keep(pictures=[*record.values["pictures"], scene.name], differing=wrong)
+    for stream in streams:
+        wrong |= wrong_in_stream(module, stream, golden["streams"][stream.stem][1])
+        record.keep(pictures=[*record.values["pictures"], stream.stem], differing=wrong)
     blocks = range(draws // BLOCK)
     with ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn")) as pool:
         found = pool.map(wrong_in_block, [module] * len(blocks), blocks, golden["blocks"][: len(blocks)])
@@ -91,8 +116,9 @@ def main(words: Sequence[str] | None = None) -> None:
     parser.add_argument("--small", action="store_true", help="a small scene instead of the trained ones")
     arguments = parser.parse_args(words)
     scenes = SMALL if arguments.small else TRAINED
-    golden = made(arguments.golden, scenes, arguments.draws)
-    compared(arguments.module, scenes, arguments.draws, golden, arguments.jobs, Record(arguments.json))
+    streams = [VECTOR] if arguments.small else [coded()]
+    golden = made(arguments.golden, scenes, streams, arguments.draws)
+    compared(arguments.module, scenes, streams, arguments.draws, golden, arguments.jobs, Record(arguments.json))
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from typing import Final
 
 from gsvc_base.processors import processors
 from gsvc_lab.benchmarks.gpu.advice import advice
+from gsvc_lab.benchmarks.gpu.splats import DRAWS
 from gsvc_lab.machine import cpu_model
 
 ROOT: Final = Path(__file__).parents[3]
@@ -56,6 +57,7 @@ class Adapter:
     package: str  # what it needs, as for `pip install`
     settings: Mapping[str, str] = field(default_factory=dict)  # environment variables to start it with
     on_processor: Mapping[str, str] = field(default_factory=dict)  # those with which it plays a GPU
+    draws: int = DRAWS  # random sets of splats to compare; fewer if it is slow
 
     @property
     def module(self) -> str:
@@ -67,7 +69,7 @@ ADAPTERS: Final = (
     Adapter("cuda", "cupy-cuda13x", on_processor={"GSVC_CUDA": "fibers"}),
     Adapter("opencl", "pyopencl"),
     Adapter("webgpu", "wgpu"),
-    Adapter("pytorch", "torch", {"GSVC_TORCH_DEVICE": "cuda"}, {"GSVC_TORCH_DEVICE": "cpu"}),
+    Adapter("pytorch", "torch", {"GSVC_TORCH_DEVICE": "cuda"}, {"GSVC_TORCH_DEVICE": "cpu"}, DRAWS // 10),
     Adapter("gsplat_cuda", "--no-build-isolation ./gsplat (the docstring of the adapter says which)"),
 )
 

@@ -275,7 +275,9 @@ class Decoder:
         slot, waiting = self._slot, self._state.bytes_waiting
         self._state.bytes_waiting = 0
         assert slot is not None  # the first frame is an I-frame (R-6.4-2)
-        self._checks.append(Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot))
+        self._checks.append(
+            Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot)
+        )
         return Picture(self, frame["frame_number"], slot)
 
     def count_layer(self, chunk_bit: int) -> None:
