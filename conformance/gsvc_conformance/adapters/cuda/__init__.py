@@ -16,6 +16,14 @@ from gsvc_conformance.adapters.cuda.reconstruction import (
     rendering_work,
     to_half,
 )
+from gsvc_conformance.adapters.cuda.quantization import (
+    commitment,
+    lsq_dequantize,
+    lsq_gradients,
+    lsq_quantize,
+    rvq_assign,
+    rvq_update,
+)
 from gsvc_conformance.adapters.cuda.rendering import (
     render_frame,
     render_gradients,
@@ -27,17 +35,39 @@ from gsvc_conformance.adapters.cuda.rendering import (
     to_frame_deterministic,
 )
 from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
+from gsvc_conformance.adapters.cuda.training import (
+    adan_step,
+    augment,
+    compact,
+    loss,
+    prune,
+    weighted_gradients,
+    weighted_parameters,
+)
 
 __all__ = [
+    "adan_step",
+    "augment",
+    "commitment",
+    "compact",
     "environment",
+    "loss",
+    "lsq_dequantize",
+    "lsq_gradients",
+    "lsq_quantize",
+    "prune",
     "render_frame",
     "render_gradients",
     "render_sum",
     "render_sum_deterministic",
+    "rvq_assign",
+    "rvq_update",
     "scale_parameters",
     "scale_parameters_filtered",
     "to_frame",
     "to_frame_deterministic",
+    "weighted_gradients",
+    "weighted_parameters",
 ]
 
 adapt_model = MAIN.adapt_model

@@ -1,9 +1,9 @@
 """The device and the way of arrays there and back: an NVIDIA GPU (gpu.py), or fibers on the CPU (fibers.py).
 
 A kernel is started by its name: ``launch("to_frame", blocks, threads, ...)``. Its arguments become an array of
-addresses, as `cuLaunchKernel` wants it, and fibers.h unpacks the same array for the kernel that a C++ compiler has made.
-So their types must be those of the parameters: a buffer or None is a pointer, an ``int`` is ``int``, a ``float`` is
-``float``, and whatever else a kernel takes comes as a NumPy scalar, structures included.
+addresses, as `cuLaunchKernel` wants it, and fibers.h unpacks the same array for the kernel of a C++ compiler. So their
+types must be those of the parameters: a buffer or None is a pointer, an ``int`` is ``int``, a ``float`` is ``float``,
+and whatever else a kernel takes comes as a NumPy scalar, structures included.
 
 Launches run in order on CuPy's current stream and nobody waits for them: errors of a kernel come with the next
 `download` or `synchronize`.
@@ -14,9 +14,11 @@ import os
 from collections.abc import Callable
 from functools import cache
 from types import ModuleType
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
+
+from gsvc_conformance.adapters.cuda.errors import NO_CUPY
 
 Array = np.ndarray[Any, Any]
 Floats = np.ndarray[Any, np.dtype[np.float32]]
@@ -26,10 +28,6 @@ Buffer = Any
 """Bytes on the device: a CuPy array u1 (size,), or a NumPy array with fibers; a slice of one is a buffer, too."""
 Size = int | tuple[int, ...]
 """Blocks, or threads of a block, in one to three dimensions."""
-
-NO_CUPY: Final = (
-    "CuPy is not there: pip install 'gsvc-conformance[cuda]', or set GSVC_CUDA=fibers to run the kernels on the CPU"
-)
 
 
 @cache
@@ -96,13 +94,13 @@ def clear(buffer: Buffer) -> None:
 
 
 def replay(work: Callable[[], None]) -> Callable[[], None]:
-    """What some work launches, as one call that starts all of it again: a CUDA graph, which costs the host next to nothing.
+    """Do some work, and return a call that starts all that it launched again: a CUDA graph, almost free for the host.
 
     Parameters
     ----------
     work
         It only launches and clears: it allocates nothing, downloads nothing, and does the same each time. It is done
-        once before it is recorded.
+        once before it is recorded, so that all kernels are compiled.
     """
     work()
     replayed: Callable[[], None] = machine().replay(work)
@@ -112,8 +110,8 @@ def replay(work: Callable[[], None]) -> Callable[[], None]:
 def download(buffer: Buffer, shape: tuple[int, ...], dtype: Any) -> Array:
     """The array that a buffer begins with; it waits for the kernels before it."""
     count = int(np.prod(shape, dtype=np.int64))
-    values: Array = machine().download(buffer, count * np.dtype(dtype).itemsize)
-    return values.view(dtype).reshape(shape)
+    values: Array = machine().download(buffer, count * np.dtype(dtype).itemsize).view(dtype).reshape(shape)
+    return values
 
 
 def synchronize() -> None:

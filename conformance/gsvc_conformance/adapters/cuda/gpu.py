@@ -11,40 +11,19 @@ import numpy as np
 from cupy.cuda import driver, nvrtc, runtime
 from cupy.cuda.function import Module
 
+from gsvc_conformance.adapters.cuda.errors import advice
 from gsvc_conformance.adapters.cuda.sources import KERNELS, PLANTED, ROUNDING, kept, source_of
 
 Array = np.ndarray[Any, Any]
 
-NO_DEVICE: Final = (
-    "there is no NVIDIA GPU that CUDA can use: see whether `nvidia-smi` lists one, or set GSVC_CUDA=fibers to run the "
-    "kernels on the CPU"
-)
-OLD_DRIVER: Final = (
-    "the NVIDIA driver is missing, or older than CuPy's CUDA: install a driver for CUDA {version} or newer, or the CuPy of "
-    "an older CUDA; GSVC_CUDA=fibers runs the kernels on the CPU"
-)
-ADVICE: Final = {
-    "OUT_OF_MEMORY": "the GPU has no memory left: render a smaller frame or fewer splats, or end what else runs there",
-    "LAUNCH_TIMEOUT": "the watchdog of the display ended a kernel: use a GPU without a display, or a smaller frame",
-    "NO_BINARY_FOR_GPU": "the kernels were compiled for another GPU: empty the folder gsvc-cuda of the cache",
-    "ILLEGAL_ADDRESS": "a kernel has left its memory: run it under `compute-sanitizer --tool memcheck`, and report it",
-}
-"""What to do, by a part of the name of CUDA's error without its underscores."""
-INSUFFICIENT_DRIVER: Final = 35
-"""cudaErrorInsufficientDriver"""
-LOST: Final = "CUDA is of no use to this process any more, so start another one; what it has given before is right"
+ERRORS: Final = (cupy.cuda.memory.OutOfMemoryError, runtime.CUDARuntimeError, driver.CUDADriverError)
 
 
 def explained(error: Exception) -> RuntimeError:
-    """An error of CUDA as a sentence that says what to do."""
+    """An error of CUDA or of CuPy's memory as one that says what to do."""
     if isinstance(error, cupy.cuda.memory.OutOfMemoryError):
-        return RuntimeError(f"{ADVICE['OUT_OF_MEMORY']} ({error})")
-    said = str(error).partition(":")[0].replace("_", "").upper()
-    known = [advice for name, advice in ADVICE.items() if name.replace("_", "") in said]
-    return RuntimeError(f"{known[0] if known else LOST} ({error})")
-
-
-ERRORS: Final = (cupy.cuda.memory.OutOfMemoryError, runtime.CUDARuntimeError, driver.CUDADriverError)
+        return RuntimeError(advice(f"OutOfMemory: {error}"))
+    return RuntimeError(advice(str(error)))
 
 
 @contextmanager
@@ -65,13 +44,8 @@ def architecture() -> str:
     RuntimeError
         There is no GPU, or its driver is too old.
     """
-    try:
-        runtime.getDeviceCount()
-    except runtime.CUDARuntimeError as error:
-        if error.status == INSUFFICIENT_DRIVER:
-            version = nvrtc.getVersion()
-            raise RuntimeError(OLD_DRIVER.format(version=".".join(map(str, version)))) from None
-        raise RuntimeError(f"{NO_DEVICE} ({error})") from None
+    with explaining():
+        runtime.getDeviceCount()  # of no device it is an error
     return f"sm_{cupy.cuda.Device().compute_capability}"
 
 
@@ -93,12 +67,12 @@ def upload(values: Array) -> cupy.ndarray:
 def download(buffer: cupy.ndarray, size: int) -> Array:
     """The first bytes of a buffer."""
     with explaining():
-        return buffer[:size].get()
+        return np.asarray(buffer[:size].get())
 
 
 def address(buffer: cupy.ndarray) -> int:
     """Where a buffer is."""
-    return buffer.data.ptr
+    return int(buffer.data.ptr)
 
 
 def clear(buffer: cupy.ndarray) -> None:

@@ -32,8 +32,9 @@ MAX_LISTS: Final = 2**28
 """The lists of all regions take so many bytes together; regions are made larger until they do."""
 
 SCENE: Final = np.dtype(
-    [("splats", "u8"), ("lists", "u8"), ("list_size", "i4"), ("width", "i4"), ("height", "i4"), ("side", "i4"),
-     ("columns", "i4")], align=True,
+    [("splats", "u8"), ("lists", "u8"),
+     ("list_size", "i4"), ("width", "i4"), ("height", "i4"), ("side", "i4"), ("columns", "i4")],
+    align=True,
 )  # fmt: skip
 """Scene of tiles.cuh."""
 
@@ -41,7 +42,7 @@ SCENE: Final = np.dtype(
 class Scene:
     """The splats of a frame and the lists of its regions, which stay on the device: rendering without a round trip.
 
-    Everything that is allocated is allocated here; `fill` and what draws only launch, so `device.replay` may record them.
+    What it needs is allocated here; `fill` and what draws only launch, so `device.replay` may record them.
 
     Parameters
     ----------
@@ -85,8 +86,7 @@ class Scene:
         """What the kernels are told of it."""
         where = address(self.splats), address(self._cleared)
         sizes = self.list_size, self.width, self.height, self.side, self._columns
-        scene: np.void = np.array((*where, *sizes), SCENE)[()]
-        return scene
+        return np.void((*where, *sizes), dtype=SCENE)
 
     def fill(self, parameters: Buffer, splat_count: int) -> None:
         """List the splats with these parameters, f4 (splat_count, 8)."""

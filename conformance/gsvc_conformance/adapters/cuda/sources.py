@@ -10,7 +10,9 @@ from pathlib import Path
 from typing import Final
 
 KERNELS: Final = Path(__file__).parent / "kernels"
-SOURCES: Final = ("lists", "rendering", "gradients", "reconstruct", "main_body", "main_operations")
+SOURCES: Final = (
+    "lists", "rendering", "gradients", "training", "quantization", "reconstruct", "main_body", "main_operations",
+)  # fmt: skip
 """Each is compiled by itself, when one of its kernels is first launched; what they share is in the .cuh files."""
 
 ROUNDING: Final = {

@@ -11,6 +11,11 @@
 #include "fibers.h"
 #endif
 
+#ifdef __CUDACC_RTC__                       /* NVRTC has no headers */
+#define INFINITY __int_as_float(0x7f800000)
+#define NAN __int_as_float(0x7fffffff)
+#endif
+
 #define EVERY_LANE 0xffffffffu
 
 static __device__ __forceinline__ int thread_of_grid() { return blockIdx.x * blockDim.x + threadIdx.x; }
@@ -26,18 +31,19 @@ static __device__ __forceinline__ float multiply_add(float a, float b, float c)
 }
 
 /* The sum of a block's values before this thread's, in the order of threads, and that of all. */
-template <int WARPS> static __device__ __forceinline__ int sum_before(int value, int *total)
+template <int WARPS, class T> static __device__ __forceinline__ T sum_before(T value, T *total)
 {
-    __shared__ int of_warp[WARPS];
-    int lane = threadIdx.x % 32, warp = threadIdx.x / 32, through = value;
+    __shared__ T of_warp[WARPS];
+    int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+    T through = value;
     for (int step = 1; step < 32; step *= 2) {
-        int before = __shfl_up_sync(EVERY_LANE, through, step);
+        T before = __shfl_up_sync(EVERY_LANE, through, step);
         through += lane >= step ? before : 0;
     }
     if (lane == 31)
         of_warp[warp] = through;
     __syncthreads();
-    int before = 0, all = 0;
+    T before = 0, all = 0;
     for (int other = 0; other < WARPS; other++) {
         before += other < warp ? of_warp[other] : 0;
         all += of_warp[other];

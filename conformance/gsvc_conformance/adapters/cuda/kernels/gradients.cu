@@ -168,7 +168,8 @@ add_gradients(Scene scene, const float *parameters, int splat_count, const float
         gradients[8 * (size_t)n + lane] = is_drawn(parameters) ? (float)(scale * gradient) : 0.0f;
 }
 
-/* One block: the loss, whose parts are added in a fixed order, and the slots that there should have been, for one download. */
+/* One block: the loss, whose parts are added in a fixed order; with it, for one download, the slots that there should have
+   been, unless nobody asks. */
 extern "C" __global__ void __launch_bounds__(256)
 add_losses(const double *losses, int count, double scale, const unsigned long long *slots_needed, double *told)
 {
@@ -178,6 +179,7 @@ add_losses(const double *losses, int count, double scale, const unsigned long lo
     own = sum_of_block<8>(own);
     if (threadIdx.x == 0) {
         told[0] = own * scale;
-        told[1] = (double)*slots_needed;
+        if (slots_needed)
+            told[1] = (double)*slots_needed;
     }
 }
