@@ -124,6 +124,11 @@ def stream() -> Any:
     return machine().stream()
 
 
+def milliseconds(start: Any, end: Any) -> float:
+    """The time between two events that streams have recorded, once both have happened."""
+    return float(machine().milliseconds(start, end))
+
+
 def pinned(size: int) -> Array:
     """So many bytes of the host, all zero, for `send` and `fetch`."""
     memory: Array = machine().pinned(max(size, 1))

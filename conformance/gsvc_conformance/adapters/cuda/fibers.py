@@ -4,6 +4,7 @@ import ctypes
 import os
 import shlex
 import subprocess
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -55,6 +56,16 @@ def synchronize() -> None:
     """There is nothing to wait for: a launch returns when the kernel has ended."""
 
 
+class Event:
+    """What has happened, and when."""
+
+    def __init__(self) -> None:
+        self.time = time.perf_counter()
+
+    def synchronize(self) -> None:
+        """It has happened."""
+
+
 class Stream:
     """Nothing runs at the same time as anything else, so nobody waits: see `gpu.stream`."""
 
@@ -64,15 +75,17 @@ class Stream:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def record(self) -> "Stream":
-        """An event that has happened."""
-        return self
+    def record(self) -> Event:
+        """An event that happens now."""
+        return Event()
 
-    def wait_event(self, event: "Stream") -> None:
+    def wait_event(self, event: Event) -> None:
         """It has happened."""
 
-    def synchronize(self) -> None:
-        """All of it has ended."""
+
+def milliseconds(start: Event, end: Event) -> float:
+    """See `gpu.milliseconds`."""
+    return 1000 * (end.time - start.time)
 
 
 def stream() -> Stream:

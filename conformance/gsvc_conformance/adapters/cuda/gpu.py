@@ -107,6 +107,12 @@ def stream() -> cupy.cuda.Stream:
     return cupy.cuda.Stream(non_blocking=True)
 
 
+def milliseconds(start: cupy.cuda.Event, end: cupy.cuda.Event) -> float:
+    """The time between two events that have happened."""
+    elapsed: float = cupy.cuda.get_elapsed_time(start, end)
+    return elapsed
+
+
 def pinned(size: int) -> Array:
     """Bytes of the host that the device copies without waiting for anybody, all zero."""
     with explaining():

@@ -4,8 +4,6 @@
 
 #include "common.cuh"
 
-#define ALL_LANES 0xFFFFFFFFu
-
 /* Items of a thread, where each has a run of items that follow one another. */
 struct Share {
     unsigned first, end;
@@ -17,13 +15,14 @@ static __device__ __forceinline__ Share share_of(unsigned count)
     return {first, min(count, first + each)};
 }
 
-/* The sum of a number over the threads before this one, and over all of them. All threads of the block have to come here. */
+/* The sum of a number over the threads before this one, and over all of them, whatever the size of the block. All threads
+   have to come here. */
 static __device__ uint2 sum_before(unsigned value)
 {
     __shared__ unsigned of_warps[32];
     unsigned lane = threadIdx.x % 32, warp = threadIdx.x / 32, inclusive = value;
     for (unsigned step = 1; step < 32; step *= 2) {
-        unsigned lower = __shfl_up_sync(ALL_LANES, inclusive, step);
+        unsigned lower = __shfl_up_sync(EVERY_LANE, inclusive, step);
         inclusive += lane >= step ? lower : 0;
     }
     __syncthreads();                        /* the numbers of the sum before have been read */

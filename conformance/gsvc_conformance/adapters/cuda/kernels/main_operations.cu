@@ -16,14 +16,9 @@ struct Density {
     unsigned bins, low_bits;
 };
 
-static __device__ __forceinline__ unsigned thread_number()
-{
-    return blockIdx.x * blockDim.x + threadIdx.x;
-}
-
 extern "C" __global__ void density_frequencies(const Tables *tables, const int *edges, unsigned *result, Numbers told)
 {
-    unsigned i = thread_number(), bins = told.n[0];
+    unsigned i = thread_of_grid(), bins = told.n[0];
     Distribution d = {nullptr, bins, 0, 0, told.n[2], (unsigned)told.n[3], (unsigned)told.n[4], (unsigned)told.n[5]};
     if (i <= bins)
         result[i] = i == 0 || i == bins ? i / bins * TOTAL : density_at(*tables, d, i, edges[i - 1]);
@@ -32,7 +27,7 @@ extern "C" __global__ void density_frequencies(const Tables *tables, const int *
 static __device__ void show(const Tables &tables, const Distribution &d, int first, unsigned low_bits, unsigned *result,
                             Density *density)
 {
-    unsigned i = thread_number();
+    unsigned i = thread_of_grid();
     if (i <= d.bins)
         result[i] = cumulative_at(tables, d, i);
     if (i == 0)
@@ -53,14 +48,14 @@ extern "C" __global__ void half_frequencies(const Tables *tables, unsigned *resu
 
 extern "C" __global__ void model_frequencies(const unsigned *counts, unsigned *result, Numbers told)
 {
-    unsigned context = thread_number(), symbols = told.n[1];
+    unsigned context = thread_of_grid(), symbols = told.n[1];
     if (context < told.n[0])
         context_frequencies(counts + context * symbols, symbols, result + context * (symbols + 1));
 }
 
 extern "C" __global__ void adapt_model(const unsigned *counts, unsigned *result, const unsigned *seen, Numbers told)
 {
-    unsigned context = thread_number(), symbols = told.n[1], first = context * symbols;
+    unsigned context = thread_of_grid(), symbols = told.n[1], first = context * symbols;
     if (context < told.n[0])
         adapt_context(counts + first, seen + first, symbols, result + first);
 }
@@ -69,7 +64,7 @@ extern "C" __global__ void adapt_model(const unsigned *counts, unsigned *result,
 extern "C" __global__ void encode(const unsigned *starts, const unsigned *frequencies, const unsigned *lanes, unsigned *states,
                                   unsigned *emitted, Numbers told)
 {
-    unsigned lane = thread_number();
+    unsigned lane = thread_of_grid();
     if (lane >= told.n[3])
         return;
     unsigned x = states[lane];
@@ -89,7 +84,7 @@ extern "C" __global__ void encode(const unsigned *starts, const unsigned *freque
 extern "C" __global__ void signed_codes(const unsigned *classes, const unsigned *low, const unsigned *negative, int *codes,
                                         Numbers told)
 {
-    unsigned i = thread_number();
+    unsigned i = thread_of_grid();
     if (i < told.n[0])
         codes[i] = magnitude_of(classes[i], low[i]) * (negative[i] ? -1 : 1);
 }
@@ -128,7 +123,7 @@ extern "C" __global__ void field_vectors(const int2 *differences, int2 *vectors,
 
 extern "C" __global__ void splat_classes(const State *states, int *classes, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         classes[n] = splat_class(states[n].n, told.n[1]);
 }
@@ -136,14 +131,14 @@ extern "C" __global__ void splat_classes(const State *states, int *classes, Numb
 extern "C" __global__ void main_intra(const int *cells, const int *colors, const int *shapes, const int *places, State *states,
                                       Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         states[n] = intra_state(cells + 2 * n, colors + 3 * n, shapes + 3 * n, places + 2 * n, told.n[1]);
 }
 
 extern "C" __global__ void motion_of_splats(const State *states, const int2 *vectors, int2 *motion, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         motion[n] = motion_of_splat(states[n], {told.n[6], told.n[4], told.n[5], vectors});
 }
@@ -151,7 +146,7 @@ extern "C" __global__ void motion_of_splats(const State *states, const int2 *vec
 extern "C" __global__ void mode_contexts(const State *states, const unsigned *past, const int2 *motion, const int2 *vectors,
                                          int *contexts, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     Field field = {told.n[6], told.n[4], told.n[5], vectors};
     if (n < told.n[0])
         contexts[n] = mode_context(states[n], past[n], motion[n], field, told.n[2], told.n[3]);
@@ -160,7 +155,7 @@ extern "C" __global__ void mode_contexts(const State *states, const unsigned *pa
 extern "C" __global__ void main_inter(const Tables *tables, const State *states, const int2 *motion, const int *differences,
                                       State *after, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         after[n] = inter_state(*tables, states[n], motion[n], differences + 8 * n, told.n[1]);
 }
@@ -168,7 +163,7 @@ extern "C" __global__ void main_inter(const Tables *tables, const State *states,
 /* A layer without a chunk, whose splats move by the field of the base: X and Y are clipped (15.13). */
 extern "C" __global__ void carry(const State *states, const int2 *vectors, State *after, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n >= told.n[0])
         return;
     State moved = states[n];
@@ -180,14 +175,14 @@ extern "C" __global__ void carry(const State *states, const int2 *vectors, State
 
 extern "C" __global__ void main_work(const Tables *tables, const State *states, unsigned *work, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         work[n] = work_of(*tables, states[n], told.n[1], told.n[2], told.n[3]);
 }
 
 extern "C" __global__ void state_parameters(const Tables *tables, const State *states, unsigned *parameters, Numbers told)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < told.n[0])
         parameters_of(*tables, states[n], parameters + 8 * n);
 }
@@ -196,7 +191,7 @@ extern "C" __global__ void state_parameters(const Tables *tables, const State *s
 extern "C" __global__ void frame_parameters(const Tables *tables, const State *states, const unsigned *count, unsigned most,
                                             unsigned *parameters)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < *count)
         parameters_of(*tables, states[n], parameters + 8 * n);
     else if (n < most)

@@ -57,7 +57,7 @@ template <class Read> __device__ void decode_symbols(Run &run, Lanes &lanes, uns
                 if (run.trace)
                     run.trace[run.decoded + i] = make_ushort4(symbol.start, symbol.frequency, run.pass, lane);
             }
-            unsigned needing = __ballot_sync(ALL_LANES, needs_word);
+            unsigned needing = __ballot_sync(EVERY_LANE, needs_word);
             if (needs_word)
                 x = x << 16 | word_at(run, lanes, group, word + __popc(needing & ((1u << of_group) - 1)));
             word += __popc(needing);

@@ -12,11 +12,6 @@
 #define CHECKSUM_WORDS 32                   /* of a thread */
 #define MOST_LANES 64
 
-static __device__ __forceinline__ unsigned thread_number()
-{
-    return blockIdx.x * blockDim.x + threadIdx.x;
-}
-
 /* ---- Planes. One warp, which has two lanes a thread. `cumulative` has room for a number more than there are frequencies. */
 extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequencies, unsigned alphabet, unsigned precision,
                                         unsigned lane_count, unsigned *states, const unsigned short *words,
@@ -47,7 +42,7 @@ extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequenc
                 needs_word = x[k] < LOWEST_STATE;
                 symbols[i] = symbol.value;
             }
-            unsigned needing = __ballot_sync(ALL_LANES, needs_word);
+            unsigned needing = __ballot_sync(EVERY_LANE, needs_word);
             unsigned at = word + __popc(needing & ((1u << threadIdx.x) - 1));
             if (needs_word)
                 x[k] = x[k] << 16 | (at < word_count ? words[at] : 0);
@@ -72,14 +67,14 @@ static __device__ __forceinline__ float value_of_half(unsigned bits)            
 
 extern "C" __global__ void from_half(const unsigned short *bits, unsigned count, float *values)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n < count)
         values[n] = value_of_half(bits[n]);
 }
 
 extern "C" __global__ void to_half(const float *values, unsigned count, unsigned short *bits)                   /* (8-6) */
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n >= count)
         return;
     unsigned pattern = __float_as_uint(values[n]), exponent = pattern >> 23 & 255, fraction = pattern & 0x7FFFFF;
@@ -123,7 +118,7 @@ static __device__ float codeword_sum(const Codes &codes, unsigned stage_count, u
 
 extern "C" __global__ void reconstruct_intra(Codes codes, Block block, unsigned count, float *parameters)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n >= count)
         return;
     float *p = parameters + 8 * (size_t)n;
@@ -145,7 +140,7 @@ extern "C" __global__ void rank_survivors(const unsigned short *survivors, unsig
 extern "C" __global__ void reconstruct_inter(const float *reference, const unsigned *list, Codes codes, Block block,
                                              unsigned count, float *parameters)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n >= count)
         return;
     const float *before = reference + 8 * (size_t)list[n];
@@ -176,7 +171,7 @@ static __device__ __forceinline__ unsigned long long side_of_box(double centre, 
 extern "C" __global__ void rendering_work(const float *parameters, unsigned count, int width, int height,
                                           unsigned long long *work)
 {
-    unsigned n = thread_number();
+    unsigned n = thread_of_grid();
     if (n >= count)
         return;
     const float *p = parameters + 8 * (size_t)n;
@@ -202,7 +197,7 @@ static __device__ __forceinline__ unsigned checked_word(const unsigned *paramete
    `checksum` is 0 before, and all bits of what it is then have to be turned; without splats it has no meaning. */
 extern "C" __global__ void parameter_checksum(const unsigned *parameters, const unsigned *count, unsigned *checksum)
 {
-    unsigned long long words = 8ull * *count, first = (unsigned long long)thread_number() * CHECKSUM_WORDS;
+    unsigned long long words = 8ull * *count, first = (unsigned long long)thread_of_grid() * CHECKSUM_WORDS;
     if (first >= words)
         return;
     unsigned long long end = min(first + CHECKSUM_WORDS, words);
