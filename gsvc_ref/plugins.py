@@ -8,11 +8,13 @@ package offers, by the functions here:
 - `add_source`: videos that are opened by a name, such as ``scene:pan``;
 - `set_file_reader` and `add_target`: video files that gsvc_ref itself neither reads nor writes;
 - `set_encoder`: encodes in several jobs, to a target of the whole clip, or that can be resumed;
-- `add_device`: what encodes can be computed on, such as ``cuda``;
 - `set_vmaf_meter`: VMAF for `gsvc_ref.metrics.compare_frames`.
 
 The modules of all plug-ins are imported when something is asked for that gsvc_ref lacks, so they should import little:
 most is registered with the name of a module, which is imported when it is used.
+
+A device on which losses and gradients can be computed is an entry point of its own, in the group "gsvc_ref.devices":
+its name, such as ``cuda``, and a class that makes a `gsvc_ref.rendering.Evaluator` of a target and a background.
 
 All rooms import this module, so it imports none of them, and their types are Any here.
 """
@@ -26,6 +28,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Final, NamedTuple, Protocol, cast
 
 GROUP: Final = "gsvc_ref.plugins"
+DEVICES: Final = "gsvc_ref.devices"
 
 CPU: Final = "cpu"  # the device that no plug-in offers
 
@@ -73,7 +76,6 @@ _file_readers: Final[list[FileReader]] = []
 _targets: Final[list[Target]] = []
 _encoders: Final[list[str]] = []
 _vmaf_meters: Final[list[str]] = []
-_devices: Final[dict[str, str]] = {}
 
 
 def add_command(name: str, module: str) -> None:
@@ -113,11 +115,6 @@ def set_encoder(module: str) -> None:
 def set_vmaf_meter(module: str) -> None:
     """Let `gsvc_ref.metrics.compare_frames` score VMAF by the class ``VmafMeter`` of a module."""
     _vmaf_meters.append(module)
-
-
-def add_device(name: str, module: str) -> None:
-    """Let encodes be computed on a device, by the class ``Evaluator`` of a module (`gsvc_ref.rendering.Evaluator`)."""
-    _devices[name] = module
 
 
 def commands() -> Mapping[str, str]:
@@ -181,19 +178,19 @@ def vmaf_meter() -> MakeVmafMeter | None:
 
 def check_device(name: str) -> None:
     """Refuse a device that is not there, with a UsageError that says which are."""
-    if name == CPU:
-        return
-    _load()
-    if name not in _devices:
+    if name != CPU and name not in devices():
         from gsvc_base.errors import UsageError
 
-        there = ", ".join((CPU, *_devices))
+        there = ", ".join((CPU, *devices()))
         raise UsageError(f"there is no device {name!r}, only {there}; cuda needs pip install 'gsvc-conformance[cuda]'")
 
 
-def evaluator(device: str) -> Callable[..., Any]:
-    """What makes the `Evaluator` of a target (H, W, 3) f4 and a background (B, 8) f4 on a device of `add_device`."""
-    return cast("Callable[..., Any]", import_module(_devices[device]).Evaluator)
+@cache
+def devices() -> Mapping[str, Any]:
+    """The entry point of each device but the CPU; its `load` gives the class."""
+    from importlib.metadata import entry_points
+
+    return {entry.name: entry for entry in entry_points(group=DEVICES)}
 
 
 @cache

@@ -1,6 +1,9 @@
-"""What computes the loss of splats and its gradient: the CPU, or a device that a plug-in offers."""
+"""What computes the loss of splats and its gradient: the CPU, or a device that another package offers."""
 
-from typing import Protocol
+from collections.abc import Callable
+from functools import wraps
+from types import SimpleNamespace
+from typing import ParamSpec, Protocol, TypeVar, cast
 
 import numpy as np
 
@@ -15,13 +18,16 @@ from gsvc_ref.rendering.fast.tiles import EMPTY
 from gsvc_ref.rendering.losses import total_loss
 from gsvc_ref.rendering.precision import Precision, check_precision
 
+P = ParamSpec("P")
+R = TypeVar("R")
+
 
 class Evaluator(Protocol):
     """The loss of splats against one target, and its gradient, on one device.
 
     `Objective` has checked all arguments: splats are (N, 8) f4 and finite. The sum of a pixel begins with the
     background, goes on with the splats held, and ends with those evaluated, each in index order. On one device the same
-    calls give the same bits.
+    calls give the same bits. Where the device fails, or is not there, a RuntimeError says in a sentence what to do.
     """
 
     def hold(self, splats: F4) -> None:
@@ -46,8 +52,9 @@ def make_evaluator(target: F4, background: F4, device: str, precision: Precision
     check_device(device, precision)
     if device == plugins.CPU:
         return CpuEvaluator(target, background, precision, threads)
-    evaluator: Evaluator = plugins.evaluator(device)(target, background)
-    return evaluator
+    made = _explained(device, plugins.devices()[device].load())(target, background)
+    asked = {name: _explained(device, getattr(made, name)) for name in ("hold", "evaluate", "loss", "picture")}
+    return cast(Evaluator, SimpleNamespace(**asked))
 
 
 def check_device(device: str, precision: Precision) -> None:
@@ -55,6 +62,19 @@ def check_device(device: str, precision: Precision) -> None:
     plugins.check_device(device)
     if device != plugins.CPU and precision == "deterministic":
         raise UsageError(f"precision deterministic computes on the CPU: leave out device {device}, or the precision")
+
+
+def _explained(device: str, call: Callable[P, R]) -> Callable[P, R]:
+    """A call whose RuntimeErrors become UsageErrors: an encode that they end keeps the frames done so far."""
+
+    @wraps(call)
+    def explained(*arguments: P.args, **named: P.kwargs) -> R:
+        try:
+            return call(*arguments, **named)
+        except RuntimeError as error:
+            raise UsageError(f"device {device}: {error}") from error
+
+    return explained
 
 
 class CpuEvaluator:

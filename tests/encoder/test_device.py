@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from types import ModuleType
+from importlib.metadata import EntryPoint
 
 import numpy as np
 import pytest
@@ -59,11 +59,8 @@ class PlainEvaluator:
 @pytest.fixture
 def plain(monkeypatch):
     """The device ``plain``, and what was asked of it."""
-    plugins.commands()  # so that what is installed is loaded before
-    module = ModuleType("plain")
-    module.Evaluator = PlainEvaluator
-    monkeypatch.setitem(sys.modules, "plain", module)
-    monkeypatch.setattr(plugins, "_devices", {"plain": "plain"})
+    entry = EntryPoint("plain", f"{__name__}:PlainEvaluator", plugins.DEVICES)
+    monkeypatch.setattr(plugins, "devices", lambda: {"plain": entry})
     monkeypatch.setattr(PlainEvaluator, "calls", [])
     return PlainEvaluator.calls
 
@@ -130,6 +127,21 @@ def test_a_device_that_is_not_there_is_refused_with_those_that_are(plain):
 def test_a_device_has_no_deterministic_precision(plain):
     with pytest.raises(UsageError, match="leave out device plain, or the precision"):
         gsvc_ref.Settings.quick(device="plain", precision="deterministic")
+
+
+def test_what_fails_on_a_device_ends_an_encode_that_keeps_its_frames(plain, monkeypatch, tmp_path):
+    evaluate = PlainEvaluator.evaluate
+
+    def failing(self, splats, *, drawn):
+        if len(plain) > 250:
+            raise RuntimeError("the card fell out: put it back")
+        return evaluate(self, splats, drawn=drawn)
+
+    monkeypatch.setattr(PlainEvaluator, "evaluate", failing)
+    settings = gsvc_ref.Settings.quick(splats=12, key_frames=(0,), device="plain")
+    with pytest.raises(gsvc_ref.IncompleteEncodeError, match="device plain: the card fell out: put it back"):
+        gsvc_ref.encode(CLIP, tmp_path / "x.gsvc", settings)
+    assert len(list(gsvc_ref.decode(tmp_path / "x.gsvc"))) == 1
 
 
 def test_the_command_takes_a_device(tmp_path):

@@ -71,7 +71,7 @@ class Settings:
     precision
         The renderer's: ``fast``, or ``deterministic``, with which the bytes do not depend on the CPU either.
     device
-        What computes the losses and gradients of splats: ``cpu``, or a device of a plug-in, such as ``cuda``, whose
+        What computes the losses and gradients of splats: ``cpu``, or another that is installed, such as ``cuda``. Its
         arithmetic has other last bits, so that it makes another stream of the same quality.
     lane_count
         Lanes of the entropy coder: as many as a decoder can use at once. Profile `main` has up to 4096, and
