@@ -233,6 +233,9 @@ def test_speeds_of_an_implementation_are_put_together():
     assert "### A card, 2026-11-28\ndriver 580." in text
     assert "| picture, f4 sums, bounded, frames/s | cuda | 2,000 |" in text
     assert "| adan_step | 250 |" in text
+    decoded = {**other, "seconds": {"decode": {"median": 0.0004}}}
+    file |= {"works": {"decode": "a frame"}, "rates": ["decode"], "implementations": [decoded]}
+    assert "| a frame | 2,500 /s |" in "\n".join(page.speed_parts(file))
 
 
 def test_files_of_a_run_have_what_was_found_so_far(tmp_path):

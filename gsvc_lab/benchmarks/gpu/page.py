@@ -53,11 +53,13 @@ def speed_parts(speeds: Mapping[str, Any]) -> Iterator[str]:
     )  # fmt: skip
     if others := [work for work in speeds["works"] if kind_of(work) is None]:
         implementations = [one["implementation"].rpartition(".")[2] for one in speeds["implementations"]]
+        show = [per_second if work in speeds["rates"] else milliseconds for work in others]
         table = [
-            [speeds["works"][work], *(milliseconds(one, work) or EMPTY for one in speeds["implementations"])]
-            for work in others
+            [speeds["works"][work], *(text(one, work) or EMPTY for one in speeds["implementations"])]
+            for work, text in zip(others, show, strict=True)
         ]
-        yield markdown_table(["milliseconds, with copies", *implementations], table, range(1, 1 + len(implementations)))
+        heads = ["milliseconds, or frames a second (/s)", *implementations]
+        yield markdown_table(heads, table, range(1, len(heads)))
 
 
 def kind_of(work: str) -> str | None:
@@ -84,8 +86,13 @@ def cell(implementation: Mapping[str, Any], kind: str, scene: str) -> str:
     work = f"{kind}_{scene}"
     if kind == "evaluation":
         return milliseconds(implementation, work)
+    return per_second(implementation, work).removesuffix(" /s")
+
+
+def per_second(implementation: Mapping[str, Any], work: str) -> str:
+    """One by the median, or nothing if that was not measured."""
     seconds = implementation["seconds"].get(work)
-    return f"{1 / seconds['median']:,.0f}" if seconds else ""
+    return f"{1 / seconds['median']:,.0f} /s" if seconds else ""
 
 
 def milliseconds(implementation: Mapping[str, Any], work: str) -> str:
@@ -97,8 +104,7 @@ def milliseconds(implementation: Mapping[str, Any], work: str) -> str:
 def card_part(card: Mapping[str, Any]) -> str:
     """What was judged on a card."""
     rows = [[part["what"], part["state"], part["told"]] for part in card["parts"]]
-    machine = card["machine"]
-    head = f"### What was judged on {card['card']}, {machine.get('date', '')}\n\n{card['note']}".strip()
+    head = f"### What was judged on {card['card']}, {card['machine'].get('date', '')}"
     return f"{head}\n\n{markdown_table(['part', '', 'result'], rows)}"
 
 
