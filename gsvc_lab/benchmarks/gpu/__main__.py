@@ -16,7 +16,7 @@ from typing import Final
 from gsvc_base.cli.text import plural
 from gsvc_lab.benchmarks.gpu.golden import GOLDEN, coded, made
 from gsvc_lab.benchmarks.gpu.page import write_page
-from gsvc_lab.benchmarks.gpu.parts import Part, parts
+from gsvc_lab.benchmarks.gpu.parts import Part, Plan
 from gsvc_lab.benchmarks.gpu.results import Results, summary
 from gsvc_lab.benchmarks.gpu.running import results_of
 from gsvc_lab.benchmarks.gpu.splats import DRAWS, TRAINED
@@ -58,7 +58,7 @@ def main(words: Sequence[str] | None = None) -> int:
     work = arguments.work
     out = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
     survey = surveyed(work / "loaders", cpu=arguments.cpu)
-    planned = parts(survey, work, cpu=arguments.cpu) if survey.runs else []
+    planned = Plan(survey, work, arguments.cpu).parts() if survey.runs else []
     if arguments.only and planned:
         if unknown := set(arguments.only) - {part.name for part in planned}:
             parser.error(f"there is no part {unknown.pop()} here; there are {', '.join(part.name for part in planned)}")

@@ -14,7 +14,7 @@ KNOWN: Final = (
         "the watchdog of the display ended a kernel: take a GPU that drives no display, or stop the display server",
     ),
     (
-        r"driver version is insufficient|InsufficientDriver|UNSUPPORTED_PTX|unsupported toolchain|too old for this CuPy",
+        r"driver version is insufficient|InsufficientDriver|UNSUPPORTED_PTX|unsupported toolchain|too old for this",
         "the NVIDIA driver is too old for this CUDA: install a newer driver (580 or later for CUDA 13)",
     ),
     (

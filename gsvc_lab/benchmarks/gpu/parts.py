@@ -12,13 +12,16 @@ from gsvc_conformance.report.json import read
 from gsvc_conformance.results import Report
 from gsvc_lab.benchmarks.gpu.outcome import State
 from gsvc_lab.benchmarks.gpu.sanitized import CASES
-from gsvc_lab.benchmarks.gpu.splats import DRAWS
-from gsvc_lab.benchmarks.gpu.survey import Adapter, Survey, tool
+from gsvc_lab.benchmarks.gpu.survey import PATIENCE, Adapter, Survey, tool
 
 Told = tuple[State, str]
 """What became of a part, and a sentence about it."""
 Read = Callable[[Path, dict[str, Any]], Told]
 """A function from the file of a result and its values to what they tell."""
+
+SHORT_PATIENCE: Final = 50
+LONG_PATIENCE: Final = 150
+"""Seconds for a part, beside `survey.PATIENCE`: what measures time, and what is slow."""
 
 REPEATED: Final = ("render_sum", "render_sum_deterministic", "render_gradients")
 WAIVERS: Final = Path("conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.toml")
@@ -82,7 +85,7 @@ def sums_told(path: Path, values: dict[str, Any]) -> Told:
     differing = values.get("differing", {})
     state: State = "wrong" if differing else "right" if values.get("whole") else "stopped"
     first = f", first in {next(iter(differing))}" if differing else ""
-    of = f"{plural(len(values.get('pictures', ())), 'picture or stream')} and {values.get('draws', 0):,} random draws"
+    of = f"{len(values.get('pictures', ()))} pictures and streams and {values.get('draws', 0):,} random draws"
     return state, f"{sum(differing.values()):,} bytes differ{first}, of {of}"
 
 
@@ -100,100 +103,103 @@ def speeds_told(path: Path, values: dict[str, Any]) -> Told:
     return state, "; ".join([plural(count, "work"), *missing[:2]])
 
 
-def parts(survey: Survey, folder: Path, *, cpu: bool) -> list[Part]:
-    """All parts, in the order of their start.
+def compiled_told(path: Path, values: dict[str, Any]) -> Told:
+    """Nothing but that it ended: what it measured is of no use, since others ran beside it."""
+    return "right", "compiled"
 
-    Parameters
-    ----------
-    survey
-        What runs here.
-    folder
-        Where the kit's pages go, and digests that this run makes itself.
-    cpu
-        Whether processors play the GPU, on little.
+
+@dataclass(frozen=True)
+class Plan:
+    """The parts for what runs on a machine.
+
+    `folder` is where the kit's pages go, and digests that this run makes itself; with `cpu` processors play the GPU, on
+    little.
     """
-    jobs = 1 if cpu else min(4, survey.width)
-    made = [part for adapter in survey.runs for part in _judging(adapter, survey, folder, cpu, jobs)]
-    made += [
-        _sanitizer(survey, name, planted)
-        for name, planted in (("racecheck", False), ("memcheck", False), ("racecheck", True))
-    ]
-    made.sort(key=lambda part: -part.limit)  # longest first
-    made += [part for adapter in survey.runs for part in _timing(adapter, survey, cpu)]
-    made.append(_operations(survey, cpu))
-    return made
 
+    survey: Survey
+    folder: Path
+    cpu: bool
 
-def _settings(adapter: Adapter, survey: Survey, cpu: bool) -> dict[str, str]:
-    return {**survey.variables, **(adapter.on_processor if cpu else adapter.settings)}
+    def parts(self) -> list[Part]:
+        """All parts, in the order of their start."""
+        runs = self.survey.runs
+        judging = [part for adapter in runs for part in (self.kit(adapter), self.repeated_kit(adapter))]
+        judging += [self.sums(adapter) for adapter in runs if adapter.draws]
+        judging += [self.sanitizer("racecheck"), self.sanitizer("memcheck"), self.sanitizer("racecheck", planted=True)]
+        judging += [] if self.cpu else self.compiling()
+        timing = [self.speeds(adapter) for adapter in runs]
+        if any(adapter.name == "cuda" for adapter in runs):
+            timing.insert(1, self.codec())
+        return [*sorted(judging, key=lambda part: -part.limit), *timing, self.operations()]  # the slowest first
 
+    def settings(self, *adapters: Adapter) -> dict[str, str]:
+        """The environment variables of adapters."""
+        own = [adapter.on_processor if self.cpu else adapter.settings for adapter in adapters]
+        return {**self.survey.variables, **{name: value for settings in own for name, value in settings.items()}}
 
-def _judging(adapter: Adapter, survey: Survey, folder: Path, cpu: bool, jobs: int) -> list[Part]:
-    """The kit's run, the same with --repeat, and the comparison of deterministic sums."""
-    settings = _settings(adapter, survey, cpu)
-    kit = ("-m", "gsvc_conformance", "run", "--module", adapter.module, "--quiet", "--show", "3")
-    waivers = ("--waivers", str(WAIVERS)) if adapter.name == "gsplat_cuda" else ()
-    few = tuple(word for case in FEW_CASES for word in ("--case", case)) if cpu else ()
-    page = ("--html", str(folder / f"{adapter.name}.html"))
-    again = tuple(word for operation in REPEATED for word in ("--operation", operation))
-    draws = (
-        ("--small", "--draws", "100", "--golden", str(folder / "golden.json"))
-        if cpu
-        else ("--draws", str(adapter.draws))
-    )
-    limit = 100 if adapter.draws == DRAWS else 150  # of what is slow, with which to begin
-    found = [
-        Part(adapter.name, f"kit, {adapter.name}", (*kit, *waivers, *few, *page, "--json"), limit, kit_told, settings),
-        Part(
-            f"repeat-{adapter.name}", f"kit three times, {adapter.name}",
-            (*kit, *waivers, *few, "--no-diagnosis", "--repeat", "3", *again, "--json"), limit, repeat_told, settings,
-        ),
-    ]  # fmt: skip
-    if adapter.name != "gsplat_cuda":  # which has no deterministic sums
-        words = ("-m", "gsvc_lab.benchmarks.gpu.sums", adapter.module, "--jobs", str(jobs), *draws, "--json")
-        found.append(
-            Part(
-                f"sums-{adapter.name}", f"bytes of deterministic sums, {adapter.name}", words, 120, sums_told, settings
-            )
+    def kit(self, adapter: Adapter, *further: str, name: str = "", what: str = "kit", told: Read = kit_told) -> Part:
+        """A run of the kit."""
+        words = ["-m", "gsvc_conformance", "run", "--module", adapter.module, "--quiet", "--show", "3"]
+        words += ["--waivers", str(WAIVERS)] if adapter.name == "gsplat_cuda" else []
+        words += [word for case in FEW_CASES for word in ("--case", case)] if self.cpu else []
+        words += further or ["--html", str(self.folder / f"{adapter.name}.html")]
+        limit = adapter.patience
+        return Part(
+            name or adapter.name, f"{what}, {adapter.name}", (*words, "--json"), limit, told, self.settings(adapter)
         )
-    return found
 
+    def repeated_kit(self, adapter: Adapter) -> Part:
+        """The kit three times on operations whose answers a race may change."""
+        words = ["--no-diagnosis", "--repeat", "3"]
+        words += [word for operation in REPEATED for word in ("--operation", operation)]
+        return self.kit(adapter, *words, name=f"repeat-{adapter.name}", what="kit three times", told=repeat_told)
 
-def _sanitizer(survey: Survey, name: str, planted: bool) -> Part:
-    words = ("-m", "gsvc_lab.benchmarks.gpu.sanitized", name, *(("--planted",) if planted else ()), "--json")
-    cuda = survey.answers.get("cuda", {})
-    missing = "" if "compute_capability" in cuda else "the CUDA adapter does not run on a GPU here"
-    if not missing and tool("compute-sanitizer") is None:
-        missing = "compute-sanitizer is not there: install the CUDA toolkit"
-    what = f"compute-sanitizer, {name}{', a planted race' if planted else ''}, {plural(len(CASES), 'vector')}"
-    return Part(
-        f"{'planted-' if planted else ''}{name}", what, words, 120, sanitizer_told, survey.variables, missing=missing
-    )
+    def sums(self, adapter: Adapter) -> Part:
+        """The comparison of deterministic sums."""
+        words = ["-m", "gsvc_lab.benchmarks.gpu.sums", adapter.module]
+        if self.cpu:
+            words += ["--small", "--draws", "100", "--golden", str(self.folder / "golden.json")]
+        else:
+            words += ["--draws", str(adapter.draws), "--jobs", str(min(4, self.survey.width))]
+        what, limit = f"bytes of deterministic sums, {adapter.name}", adapter.patience
+        return Part(f"sums-{adapter.name}", what, (*words, "--json"), limit, sums_told, self.settings(adapter))
 
+    def sanitizer(self, name: str, *, planted: bool = False) -> Part:
+        """The kernels under a tool of compute-sanitizer."""
+        words = ("-m", "gsvc_lab.benchmarks.gpu.sanitized", name, *(("--planted",) if planted else ()), "--json")
+        missing = "" if tool("compute-sanitizer") else "compute-sanitizer is not there: install the CUDA toolkit"
+        if "compute_capability" not in self.survey.answers.get("cuda", {}):
+            missing = "the CUDA adapter does not run on a GPU here"
+        what = f"compute-sanitizer, {name}{', a planted race' if planted else ''}, {plural(len(CASES), 'vector')}"
+        name = f"{'planted-' if planted else ''}{name}"
+        return Part(name, what, words, PATIENCE, sanitizer_told, self.survey.variables, missing=missing)
 
-def _timing(adapter: Adapter, survey: Survey, cpu: bool) -> list[Part]:
-    found = [_speeds(adapter, survey, cpu)]
-    return [*found, _codec(adapter, survey, cpu)] if adapter.name == "cuda" else found
+    def compiling(self) -> list[Part]:
+        """What gsvc_ref compiles once and keeps, so that no part that measures time has to wait for it."""
+        works = ("-m", "gsvc_lab.benchmarks.adapters", "gsvc_ref", "--seconds", "0", "--json")
+        ways = ("-m", "gsvc_lab.benchmarks.gpu.codec", "--small", "--processor", "--json")
+        return [
+            Part("compile-operations", "operations of gsvc_ref, compiled", works, LONG_PATIENCE, compiled_told),
+            Part("compile-codec", "encoder of gsvc_ref, compiled", ways, LONG_PATIENCE, compiled_told),
+        ]
 
+    def speeds(self, adapter: Adapter) -> Part:
+        """Pictures and evaluations on the device."""
+        words = ("-m", "gsvc_lab.benchmarks.gpu.speeds", adapter.name, *(("--small",) if self.cpu else ()), "--json")
+        return self._timed(f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, adapter)
 
-def _speeds(adapter: Adapter, survey: Survey, cpu: bool) -> Part:
-    words = ("-m", "gsvc_lab.benchmarks.gpu.speeds", adapter.name, *(("--small",) if cpu else ()), "--json")
-    settings = _settings(adapter, survey, cpu)
-    return Part(
-        f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, 45, speeds_told, settings, alone=True
-    )
+    def codec(self) -> Part:
+        """Whole ways by CUDA."""
+        words = ("-m", "gsvc_lab.benchmarks.gpu.codec", *(("--small",) if self.cpu else ()), "--json")
+        return self._timed("codec", "speeds from a stream to pictures and back", words, *self.survey.runs)
 
+    def operations(self) -> Part:
+        """The operations as the kit calls them, of all that runs and of gsvc_ref."""
+        words = ["-m", "gsvc_lab.benchmarks.adapters", "gsvc_ref", *(adapter.module for adapter in self.survey.runs)]
+        words += ["--work", "adan_step", "--work", "decode_stream_small"] if self.cpu else []
+        words += ["--seconds", "0" if self.cpu else "0.3", "--json"]
+        return self._timed("operations", "speeds of operations, with copies", tuple(words), *self.survey.runs)
 
-def _codec(adapter: Adapter, survey: Survey, cpu: bool) -> Part:
-    words = ("-m", "gsvc_lab.benchmarks.gpu.codec", *(("--small",) if cpu else ()), "--json")
-    settings = _settings(adapter, survey, cpu)
-    return Part("codec", "speeds from a stream to pictures and back", words, 45, speeds_told, settings, alone=True)
-
-
-def _operations(survey: Survey, cpu: bool) -> Part:
-    """The operations as the kit calls them, of all that runs and of gsvc_ref."""
-    modules = ["gsvc_ref", *(adapter.module for adapter in survey.runs)]
-    few = ("--work", "adan_step", "--work", "decode_stream_small") if cpu else ()
-    words = ("-m", "gsvc_lab.benchmarks.adapters", *modules, *few, "--seconds", "0" if cpu else "0.3", "--json")
-    settings = {name: value for adapter in survey.runs for name, value in _settings(adapter, survey, cpu).items()}
-    return Part("operations", "speeds of operations, with copies", words, 60, speeds_told, settings, alone=True)
+    def _timed(self, name: str, what: str, words: tuple[str, ...], *adapters: Adapter) -> Part:
+        limit = LONG_PATIENCE if self.cpu else SHORT_PATIENCE  # gsvc_ref may have to be compiled
+        return Part(name, what, words, limit, speeds_told, self.settings(*adapters), alone=True)

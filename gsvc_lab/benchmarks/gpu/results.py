@@ -23,6 +23,8 @@ from gsvc_lab.benchmarks.gpu.outcome import Outcome
 from gsvc_lab.benchmarks.gpu.survey import ADAPTERS, Survey
 
 FORM: Final = "gpu/1"
+MEASURED: Final = ("measured", "stopped", "failed")
+"""States of parts that may have measured something."""
 CARDS: Final = "gpu"
 """The folder of these files in that of the reports."""
 
@@ -65,7 +67,9 @@ class Results:
             "form": FORM, "card": self.survey.card, "note": "", "machine": machine, "adapters": self.survey.answers,
             "missing": self.survey.missing, "parts": parts, "timeline": timeline[0] if timeline else {},
         })  # fmt: skip
-        speeds = merged(one.values for one in self.outcomes if "implementations" in one.values)
+        speeds = merged(
+            one.values for one in self.outcomes if one.state in MEASURED and "implementations" in one.values
+        )
         if speeds["implementations"]:
             date = {"form": "speeds/1", "date": machine["date"], "machine": {"card": self.survey.card, **machine}}
             _write(self.out / f"speeds-{name}.json", {**date, **speeds})
