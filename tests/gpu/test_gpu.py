@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -22,7 +23,7 @@ from gsvc_lab.benchmarks.gpu.golden import BLOCK, digest, made  # noqa: E402
 from gsvc_lab.benchmarks.gpu.outcome import Outcome, Record  # noqa: E402
 from gsvc_lab.benchmarks.gpu.parts import Part, sums_told  # noqa: E402
 from gsvc_lab.benchmarks.gpu.running import results_of  # noqa: E402
-from gsvc_lab.benchmarks.gpu.speeds import measured, wall  # noqa: E402
+from gsvc_lab.benchmarks.gpu.speeds import KINDS, measured, wall  # noqa: E402
 from gsvc_lab.benchmarks.gpu.splats import SMALL, drawn  # noqa: E402
 
 RENDERER = """
@@ -269,6 +270,18 @@ def test_the_page_is_that_of_the_reports(tmp_path, monkeypatch):
     assert drawing.read_text() == (ROOT / "docs" / "gpu-frame.svg").read_text(), made_again
 
 
+@pytest.mark.skipif(not shutil.which("g++"), reason="a C++ compiler makes fibers of the CUDA kernels")
+def test_a_processor_plays_the_gpu(tmp_path, capsys):
+    assert main(["--cpu", "--work", str(tmp_path), "--only", "cuda", "--only", "speeds-cuda"]) == 0
+    printed = capsys.readouterr().out
+    assert "cuda runs on CPU: every thread a fiber" in printed
+    assert "kit, cuda: right, 0 wrong, " in printed
+    (speeds,) = (tmp_path / "reports").glob("speeds-*.json")
+    (measured,) = json.loads(speeds.read_text())["implementations"]
+    assert [*measured["seconds"]] == [f"{kind}_{SMALL[0].id}" for kind in KINDS]
+    assert json.loads((tmp_path / "reports" / "cuda.json").read_text())["results"]
+
+
 @pytest.mark.exhaustive
 def test_a_bundle_runs_where_it_is_unpacked(tmp_path):
     archive = tmp_path / "bundle.tar.xz"
@@ -276,10 +289,10 @@ def test_a_bundle_runs_where_it_is_unpacked(tmp_path):
     with tarfile.open(archive) as packed:
         packed.extractall(tmp_path, filter="data")
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    words = ["--cpu", "--work", str(tmp_path / "work")]
+    words = ["--cpu", "--work", str(tmp_path / "work"), "--seconds", "900"]
     run = subprocess.run(
         [tmp_path / "gsvc-gpu/tests/gpu/run.sh", *words],
-        env={**environment, "PYTHON": sys.executable}, capture_output=True, text=True, check=False, timeout=300,
+        env={**environment, "PYTHON": sys.executable}, capture_output=True, text=True, check=False, timeout=900,
     )  # fmt: skip
     assert run.returncode == 0, run.stdout + run.stderr
     assert f"commit: {survey.commit()}" in run.stdout

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 import numpy as np
 
@@ -39,6 +40,7 @@ MOST: Final = 50
 """Calls between them at most."""
 
 Call = Callable[[], object]
+Work = Callable[[], None]
 Timer = Callable[[Call, int], float]
 """A function from a call and how often to make it to the seconds of all these calls."""
 
@@ -59,13 +61,13 @@ def cuda(scene: Scene) -> Bench:
     return Bench(cupy_timer() if device.machine().__name__.endswith("gpu") else wall(device.synchronize), works)
 
 
-def cuda_works(scene: Scene) -> dict[str, Call]:
+def cuda_works(scene: Scene) -> dict[str, Work]:
     """What the CUDA adapter launches for each kind."""
     from gsvc_conformance.adapters.cuda import device, rendering
 
     count, size, parameters = scene.count, (scene.width, scene.height), device.upload(scene.splats(), "f4")
 
-    def drawing(exact: bool, samples: int) -> Call:
+    def drawing(exact: bool, samples: int) -> Work:
         there = rendering.Scene(*size, count, exact=exact)
         into = device.storage(scene.width * scene.height * samples)
 
@@ -95,7 +97,7 @@ def cuda_works(scene: Scene) -> dict[str, Call]:
     }  # fmt: skip
 
 
-def timeline(work: Call) -> list[tuple[str, float, float]]:
+def timeline(work: Work) -> list[tuple[str, float, float]]:
     """Each kernel that the CUDA adapter launches for some work, with its begin and end in milliseconds.
 
     They run one after the other with events between, so that gaps are a little longer than without.
@@ -115,12 +117,9 @@ def timeline(work: Call) -> list[tuple[str, float, float]]:
         marks.append((launch.kernel, before, after))
 
     work()
-    Launch.__call__ = watched  # type: ignore[method-assign]
-    try:
+    with patch.object(Launch, "__call__", watched):
         first.record()
         work()
-    finally:
-        Launch.__call__ = start  # type: ignore[method-assign]
     cupy.cuda.get_current_stream().synchronize()
     elapsed = cupy.cuda.get_elapsed_time
     return [(kernel, *(round(elapsed(first, mark), 4) for mark in (before, after))) for kernel, before, after in marks]
@@ -247,8 +246,10 @@ def torch_timer(device: str) -> Timer:
     if device != "cuda":
         return wall(lambda: None)
 
+    event: Any = torch.cuda.Event
+
     def seconds(call: Call, count: int) -> float:
-        first, last = (torch.cuda.Event(enable_timing=True) for _ in range(2))
+        first, last = (event(enable_timing=True) for _ in range(2))
         first.record()
         for _ in range(count):
             call()
