@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Packs what a machine with a GPU and without a network needs for `make gpu`: this checkout's code and vectors, splats and
-# a stream to measure on, the CPU's digests, wheels, and the loader of Vulkan.
+# a stream to measure on, the CPU's digests, wheels, and loaders of drivers.
 #
 #     tests/gpu/bundle.sh gsvc-gpu.tar.xz            there: tar xf gsvc-gpu.tar.xz && gsvc-gpu/tests/gpu/run.sh --out FOLDER
 #
@@ -12,6 +12,9 @@ cd "$(dirname "$0")/../.."
 target=$(realpath -m "${1:?usage: tests/gpu/bundle.sh FILE.tar.xz}")
 PYTHON=${PYTHON:-.venv/bin/python}
 MAX_BYTES=$((60 << 20))
+# Vulkan's loader, and what NVIDIA's driver for it wants to find.
+LOADERS="libvulkan.so.1 libEGL.so.1 libGLdispatch.so.0 libOpenGL.so.0 libGL.so.1 libGLX.so.0
+    libX11.so.6 libXext.so.6 libxcb.so.1 libXau.so.6 libXdmcp.so.6 libbsd.so.0 libmd.so.0"
 PACKAGES="pyopencl pytools siphash24 platformdirs typing_extensions wgpu rendercanvas cffi pycparser"
 
 folder=$(mktemp -d)
@@ -43,8 +46,10 @@ if [ -z "${BARE:-}" ]; then
         --python-version "${PYTHON_VERSION:-3.12}" --platform manylinux_2_28_x86_64 --platform manylinux_2_17_x86_64 \
         --platform manylinux2014_x86_64 --dest "$tree/wheels" $PACKAGES
     [ -z "${WHEELS:-}" ] || cp "$WHEELS"/*.whl "$tree/wheels"
-    loader=$(ldconfig -p | awk '/libvulkan.so.1 .*x86-64/ {print $NF; exit}')
-    [ -z "$loader" ] || cp --dereference "$loader" "$tree/lib/libvulkan.so.1"
+    for library in $LOADERS; do
+        there=$(ldconfig -p | awk -v name="$library" '$1 == name && /x86-64/ {print $NF; exit}')
+        [ -z "$there" ] || cp --dereference "$there" "$tree/lib/$library"
+    done
 fi
 
 tar --create --xz --file "$target" --directory "$folder" gsvc-gpu

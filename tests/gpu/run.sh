@@ -13,5 +13,9 @@ done
 [ ${#missing[@]} = 0 ] ||
     "$PYTHON" -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-compile --target site "${missing[@]}"
 export PYTHONPATH="$PWD:$PWD/conformance:$PWD/site${PYTHONPATH:+:$PYTHONPATH}"
-ldconfig -p 2>/dev/null | grep -q libvulkan.so.1 || export LD_LIBRARY_PATH="$PWD/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
+mkdir -p missing
+for library in lib/*; do
+    [ ! -e "$library" ] || ldconfig -p | grep -q "${library##*/} " || ln -sf "$PWD/$library" missing/
+done
+export LD_LIBRARY_PATH="$PWD/missing${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
 exec "$PYTHON" -m gsvc_lab.benchmarks.gpu "$@"

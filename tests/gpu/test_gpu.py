@@ -6,7 +6,9 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ sys.path.insert(0, str(ROOT))
 pytest.importorskip("gsvc_lab.benchmarks.gpu", reason="gsvc_lab.benchmarks is only in a checkout")
 
 from gsvc_base.pages.markers import replaced  # noqa: E402
+from gsvc_conformance.adapters.cuda.device import Launch  # noqa: E402
 from gsvc_lab.benchmarks.gpu import golden, page, results, sanitized, sums, survey  # noqa: E402
 from gsvc_lab.benchmarks.gpu.__main__ import main  # noqa: E402
 from gsvc_lab.benchmarks.gpu.advice import advice  # noqa: E402
@@ -23,7 +26,7 @@ from gsvc_lab.benchmarks.gpu.golden import BLOCK, digest, made  # noqa: E402
 from gsvc_lab.benchmarks.gpu.outcome import Outcome, Record  # noqa: E402
 from gsvc_lab.benchmarks.gpu.parts import Part, sums_told  # noqa: E402
 from gsvc_lab.benchmarks.gpu.running import results_of  # noqa: E402
-from gsvc_lab.benchmarks.gpu.speeds import KINDS, measured, wall  # noqa: E402
+from gsvc_lab.benchmarks.gpu.speeds import KINDS, measured, timeline, wall  # noqa: E402
 from gsvc_lab.benchmarks.gpu.splats import SMALL, drawn  # noqa: E402
 
 RENDERER = """
@@ -213,6 +216,37 @@ def test_a_time_is_that_of_one_call():
     spread = measured(lambda: calls.append(1), wall(lambda: None))
     assert 0 < spread["low"] <= spread["median"] <= spread["high"] < 1e-3
     assert len(calls) == 4 + spread["calls"]
+
+
+def test_a_time_line_has_every_kernel_in_order(monkeypatch):
+    class Event:
+        def record(self):
+            self.time = time.perf_counter()
+
+    cuda = SimpleNamespace(
+        Event=Event,
+        get_current_stream=lambda: SimpleNamespace(synchronize=lambda: None),
+        get_elapsed_time=lambda first, last: 1000 * (last.time - first.time),
+    )
+    monkeypatch.setitem(sys.modules, "cupy", SimpleNamespace(cuda=cuda))
+    started = []
+
+    class Kernel(Launch):
+        def __init__(self, name):
+            self.kernel, self.blocks, self.threads, self._where = name, (1, 1, 1), (1, 1, 1), 0
+            self._function = lambda *_: started.append(name)
+
+    def work():
+        Kernel("first")()
+        Kernel("second")()
+
+    spans = timeline(work)
+    assert started == ["first", "second"] * 2
+    assert [name for name, _, _ in spans] == ["first", "second"]
+    times = [time for _, *both in spans for time in both]
+    assert times == sorted(times)
+    work()
+    assert len(started) == 6
 
 
 SPEEDS = {

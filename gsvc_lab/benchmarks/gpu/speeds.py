@@ -84,12 +84,14 @@ def cuda_works(scene: Scene) -> dict[str, Work]:
     there.fill(parameters, count)
     there = rendering.Scene(*size, count, slots=int(device.download(there.slots_needed, (), "u8")))
     target, gradients = device.upload(scene.target(), "f4"), device.storage(32 * count)
-    losses = device.storage(8 * rendering.WARPS * there.blocks[0] * there.blocks[1])
+    pixels, tiles = scene.width * scene.height, rendering.WARPS * there.blocks[0] * there.blocks[1]
+    losses, told = device.storage(8 * tiles), device.storage(16)
 
     def evaluate() -> None:
         there.fill(parameters, count)
         there.draw("loss_and_gradients", None, target, losses, there.moments, None)
-        there.gradients(parameters, count, 2 / (scene.width * scene.height), gradients)
+        there.gradients(parameters, count, 2 / pixels, gradients)
+        device.launch("add_losses", 1, 256, losses, tiles, np.float64(1 / pixels), there.slots_needed, told)
 
     return {
         "picture": drawing(False, 12), "exact_picture": drawing(True, 12),
