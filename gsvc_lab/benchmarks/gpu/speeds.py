@@ -64,6 +64,7 @@ def cuda(scene: Scene) -> Bench:
 def cuda_works(scene: Scene) -> dict[str, Work]:
     """What the CUDA adapter launches for each kind."""
     from gsvc_conformance.adapters.cuda import device, rendering
+    from gsvc_conformance.adapters.cuda.evaluation import Evaluation
 
     count, size, parameters = scene.count, (scene.width, scene.height), device.upload(scene.splats(), "f4")
 
@@ -80,22 +81,13 @@ def cuda_works(scene: Scene) -> dict[str, Work]:
 
         return work
 
-    there = rendering.Scene(*size, count, slots=1)
-    there.fill(parameters, count)
-    there = rendering.Scene(*size, count, slots=int(device.download(there.slots_needed, (), "u8")))
-    target, gradients = device.upload(scene.target(), "f4"), device.storage(32 * count)
-    pixels, tiles = scene.width * scene.height, rendering.WARPS * there.blocks[0] * there.blocks[1]
-    losses, told = device.storage(8 * tiles), device.storage(16)
-
-    def evaluate() -> None:
-        there.fill(parameters, count)
-        there.draw("loss_and_gradients", None, target, losses, there.moments, None)
-        there.gradients(parameters, count, 2 / pixels, gradients)
-        device.launch("add_losses", 1, 256, losses, tiles, np.float64(1 / pixels), there.slots_needed, told)
+    evaluation = Evaluation(device.upload(scene.target(), "f4"), *size, count)
+    evaluation.evaluate(parameters, count)  # which makes room
 
     return {
         "picture": drawing(False, 12), "exact_picture": drawing(True, 12),
-        "frame": drawing(False, 3), "exact_frame": drawing(True, 3), "evaluation": evaluate,
+        "frame": drawing(False, 3), "exact_frame": drawing(True, 3),
+        "evaluation": lambda: evaluation.start(parameters, count),
     }  # fmt: skip
 
 

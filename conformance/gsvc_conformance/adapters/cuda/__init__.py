@@ -1,9 +1,28 @@
-"""GSVC in CUDA C++, for NVIDIA GPUs; without one, the same kernels as fibers on the CPU.
+"""GSVC in CUDA C++: rendering, its gradients and the steps of training, on an NVIDIA GPU or, without one, as fibers.
 
     gsvc-conformance run --module gsvc_conformance.adapters.cuda
     GSVC_CUDA=fibers gsvc-conformance run --module gsvc_conformance.adapters.cuda
 
-The second line needs no GPU.
+The first line needs a GPU, its driver and CuPy (pip install 'gsvc-conformance[cuda]'); CUDA_VISIBLE_DEVICES chooses a
+GPU. The second needs a C++ compiler (g++, or the one that CXX names) and no GPU: the same files of kernels are compiled
+with fibers.h, where every thread is a fiber. It is for tests, a thousand times as slow, and sees neither races nor what
+NVIDIA's compiler does. Both keep what they have compiled in the folder gsvc-cuda of the user's cache.
+
+The kernels are in `kernels/`, to be read in this order: common.cuh, splats.cuh, lists.cu, tiles.cuh, sums.cuh,
+rendering.cu, gradients.cu; then training.cu and quantization.cu. A frame is two launches: a warp for each splat sets
+its bit in the lists of the regions that it touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients)
+adds up the splats of its list. Nothing is sorted, a list is in the order of the splats, and a pixel is written once.
+`rendering.Scene` and `evaluation.Evaluation` are the same for callers whose pictures and gradients stay on the device.
+
+What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
+--ftz=false, --prec-div=true and --prec-sqrt=true, and each operation that decides is written as __fmul_rn, __fadd_rn,
+__fsub_rn or __fdiv_rn besides, which no option fuses; -use_fast_math, and the -ftz=true that CuPy's RawKernel and
+RawModule add, flush even inside of these, so the host goes to NVRTC itself. The other build fuses, and has the
+exponential of the hardware. There are no atomic additions of float, which flush on NVIDIA, and no sum whose order two
+runs could change: gradients have the same bytes in every run.
+
+Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
+kernel that is launched spills registers.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment

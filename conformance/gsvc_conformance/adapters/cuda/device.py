@@ -165,8 +165,7 @@ class Launch:
         self._function = machine().function(kernel, exact)
         self._buffers = arguments
         self._values = [_argument(value) for value in arguments]
-        addresses = (value.ctypes.data for value in self._values)
-        self._addresses = (ctypes.c_void_p * len(arguments))(*addresses)
+        self._addresses = (ctypes.c_void_p * len(arguments))(*map(ctypes.addressof, self._values))
         self._where = ctypes.addressof(self._addresses)
 
     def __call__(self) -> None:
@@ -185,11 +184,14 @@ def _three(size: Size) -> tuple[int, ...]:
     return *sizes, *(1,) * (3 - len(sizes))
 
 
-def _argument(value: Any) -> Array:
-    if value is None:
-        return np.zeros((), np.uintp)
+def _argument(value: Any) -> Any:
+    """A parameter of a kernel in memory."""
     if isinstance(value, np.generic):
-        return np.array(value)
-    if type(value) in (int, float):
-        return np.array(value, np.int32 if type(value) is int else np.float32)
-    return np.array(machine().address(value), np.uintp)
+        return ctypes.create_string_buffer(value.tobytes(), value.nbytes)
+    if type(value) is int:
+        if not -(2**31) <= value < 2**31:
+            raise OverflowError(f"{value} is no int of a kernel")
+        return ctypes.c_int(value)
+    if type(value) is float:
+        return ctypes.c_float(value)
+    return ctypes.c_void_p(None if value is None else machine().address(value))

@@ -6,6 +6,10 @@ FIBERS: Final = "GSVC_CUDA=fibers runs the kernels on the CPU"
 
 NO_CUPY: Final = f"CuPy is not there: pip install 'gsvc-conformance[cuda]'; {FIBERS}"
 
+NO_NVRTC: Final = (
+    "CuPy finds no NVRTC, which compiles the kernels: pip install 'gsvc-conformance[cuda]', or install a CUDA toolkit"
+)
+
 ADVICE: Final = {
     ("NoDevice",): f"CUDA finds no NVIDIA GPU: see what `nvidia-smi` lists, and CUDA_VISIBLE_DEVICES; {FIBERS}",
     ("InsufficientDriver", "SystemDriverMismatch"): (

@@ -6,7 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from gsvc_conformance.adapters.cuda.device import Buffer, address, download, launch, replay, storage
-from gsvc_conformance.adapters.cuda.rendering import WARPS, Scene
+from gsvc_conformance.adapters.cuda.rendering import GRADIENT_WARPS, Scene
 
 FIRST_SLOTS: Final = 32
 """Slots of a splat that there is room for at first, on average; there will be more where they are needed."""
@@ -42,7 +42,7 @@ class Evaluation:
         self.gradients = storage(32 * most_splats)
         self._told = storage(16)
         self._make_room(width, height, most_splats, FIRST_SLOTS * most_splats if slots is None else slots)
-        self._tiles = WARPS * self.scene.blocks[0] * self.scene.blocks[1]
+        self._tiles = GRADIENT_WARPS * self.scene.blocks[0] * self.scene.blocks[1]
         self._losses = storage(8 * self._tiles)
 
     def _make_room(self, width: int, height: int, most_splats: int, slots: int) -> None:
@@ -55,13 +55,13 @@ class Evaluation:
         `gradients` says whether there are any, and `picture` gets the sums (H, W, 3) f4 of the splats on their base.
         """
         scene = self.scene
-        pixels = scene.width * scene.height
+        pixels, told = scene.width * scene.height, (self.base, self.target)
         scene.fill(parameters, count)
         if gradients:
-            scene.draw("loss_and_gradients", self.base, self.target, self._losses, scene.moments, picture)
+            scene.draw("loss_and_gradients", GRADIENT_WARPS, *told, self._losses, scene.moments, picture)
             scene.gradients(parameters, count, 2 / pixels, self.gradients)  # (10-2)
         else:
-            scene.draw("loss_of_splats", self.base, self.target, self._losses, picture)
+            scene.draw("loss_of_splats", GRADIENT_WARPS, *told, self._losses, picture)
         launch("add_losses", 1, 256, self._losses, self._tiles, np.float64(1 / pixels), scene.slots_needed, self._told)
 
     def evaluate(

@@ -141,6 +141,7 @@ def library(source: str, exact: bool) -> ctypes.CDLL:
     return ctypes.CDLL(str(kept(".so", [version, text, *options], make)))
 
 
+@cache
 def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, ...], Any], None]:
     """What starts a kernel: it takes blocks, threads of a block, and an array of the addresses of its arguments."""
     entry = library(source_of(kernel), exact)["fibers_" + kernel]

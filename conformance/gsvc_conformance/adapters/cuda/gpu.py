@@ -1,5 +1,6 @@
 """The kernels on an NVIDIA GPU: memory, compilation and launches by CuPy."""
 
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -11,7 +12,7 @@ import numpy as np
 from cupy.cuda import driver, nvrtc, runtime
 from cupy.cuda.function import Module
 
-from gsvc_conformance.adapters.cuda.errors import advice
+from gsvc_conformance.adapters.cuda.errors import NO_NVRTC, advice
 from gsvc_conformance.adapters.cuda.sources import KERNELS, PLANTED, ROUNDING, kept, source_of
 
 Array = np.ndarray[Any, Any]
@@ -36,17 +37,36 @@ def explaining() -> Iterator[None]:
 
 
 @cache
-def architecture() -> str:
-    """The compute capability of the device, such as ``sm_90``.
+def compiler() -> tuple[int, int]:
+    """The version of NVRTC.
 
     Raises
     ------
     RuntimeError
-        There is no GPU, or its driver is too old.
+        There is none.
+    """
+    try:
+        major, minor = nvrtc.getVersion()
+    except RuntimeError as error:
+        raise RuntimeError(f"{NO_NVRTC} ({str(error).splitlines()[0]})") from None
+    return major, minor
+
+
+@cache
+def architecture() -> str:
+    """What to compile for: the device, such as ``sm_90``, or what the driver translates, if NVRTC is older than that.
+
+    Raises
+    ------
+    RuntimeError
+        There is no GPU, its driver is too old, or there is no NVRTC.
     """
     with explaining():
         runtime.getDeviceCount()  # of no device it is an error
-    return f"sm_{cupy.cuda.Device().compute_capability}"
+        capability = int(cupy.cuda.Device().compute_capability)
+    compiler()
+    known = [number for number in nvrtc.getSupportedArchs() if number <= capability]
+    return f"sm_{capability}" if capability in known else f"compute_{max(known)}"
 
 
 def storage(size: int) -> cupy.ndarray:
@@ -89,7 +109,7 @@ def replay(work: Callable[[], None]) -> Callable[[], None]:
         work()
         graph = stream.end_capture()
 
-    def start() -> None:
+    def start(_kept: Callable[[], None] = work) -> None:  # with its buffers, whose addresses are in the graph
         graph.launch(cupy.cuda.get_current_stream())
 
     return start
@@ -135,7 +155,7 @@ def fetch(buffer: cupy.ndarray, values: Array) -> None:
 
 
 def compiled(source: str, exact: bool, machine: str) -> bytes:
-    """A file of kernels as a cubin for an architecture, such as ``sm_90``; that takes no GPU.
+    """A file of kernels as a cubin for an architecture, such as ``sm_90``, or as PTX for ``compute_90``; without a GPU.
 
     Not by RawModule or RawKernel: these add ``-ftz=true`` to whatever options they get.
     """
@@ -146,14 +166,15 @@ def compiled(source: str, exact: bool, machine: str) -> bytes:
         program = nvrtc.createProgram(text, f"{source}.cu", (), ())
         try:
             nvrtc.compileProgram(program, options)
-            path.write_bytes(nvrtc.getCUBIN(program))
+            is_ptx = machine.startswith("compute_")
+            path.write_bytes(nvrtc.getPTX(program) if is_ptx else nvrtc.getCUBIN(program))
         except nvrtc.NVRTCError as error:
             log = nvrtc.getProgramLog(program)
             raise RuntimeError(f"NVRTC does not compile {source}.cu for {machine}: {error}\n{log}") from None
         finally:
             nvrtc.destroyProgram(program)
 
-    return kept(".cubin", [repr(nvrtc.getVersion()), text, *options], make).read_bytes()
+    return kept(".cubin", [repr(compiler()), text, *options], make).read_bytes()
 
 
 @cache
@@ -166,6 +187,7 @@ def module(source: str, exact: bool) -> Module:
     return loaded
 
 
+@cache
 def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, ...], Any], None]:
     """What starts a kernel: it takes blocks, threads of a block, and an array of the addresses of its arguments."""
     found = module(source_of(kernel), exact).get_function(kernel)
@@ -182,17 +204,19 @@ def function(kernel: str, exact: bool) -> Callable[[tuple[int, ...], tuple[int, 
 
 def environment() -> dict[str, str]:
     """Card, driver and versions."""
-    machine = architecture()
+    architecture()  # which says what is missing
     properties = runtime.getDeviceProperties(cupy.cuda.Device().id)
     return {
         "device": properties["name"].decode(),
-        "compute_capability": machine.removeprefix("sm_"),
-        "driver": _version(runtime.driverGetVersion()),
-        "CUDA": _version(runtime.runtimeGetVersion()),
-        "NVRTC": ".".join(map(str, nvrtc.getVersion())),
+        "compute_capability": cupy.cuda.Device().compute_capability,
+        "driver": _driver(),
+        "NVRTC": ".".join(map(str, compiler())),
         "CuPy": cupy.__version__,
     }
 
 
-def _version(number: int) -> str:
-    return f"{number // 1000}.{number % 1000 // 10}"
+def _driver() -> str:
+    """The driver's own version, where the system tells it, and that of the CUDA that it can do."""
+    file, cuda = Path("/proc/driver/nvidia/version"), runtime.driverGetVersion()
+    found = re.search(r"\b\d{3}\.[\d.]*\d\b", file.read_text("utf-8")) if file.exists() else None
+    return f"{found.group() if found else 'unknown'}, CUDA {cuda // 1000}.{cuda % 1000 // 10}"

@@ -19,9 +19,10 @@ from gsvc_conformance.adapters.cuda.device import (
 
 BLOCK: Final = 32
 """Width and height of a block of threads in pixels, four tiles: tiles.cuh."""
-WARPS: Final = 4
-"""Warps of such a block, and tiles."""
-THREADS: Final = 32 * WARPS
+PICTURE_WARPS: Final = 8
+"""Warps of such a block, and tiles, in rendering.cu."""
+GRADIENT_WARPS: Final = 4
+"""The same in gradients.cu."""
 SPLATS_OF_BLOCK: Final = 8
 """Splats of a block of the kernels that have a warp for each: lists.cu and gradients.cu."""
 SPLAT_BYTES: Final = 48
@@ -97,22 +98,22 @@ class Scene:
             *frame, self.splats, self._cleared, self.slots, self.slots_needed, exact=self.exact,
         )  # fmt: skip
 
-    def draw(self, kernel: str, *arguments: object) -> None:
-        """Start a kernel that has a warp for each tile."""
-        launch(kernel, self.blocks, THREADS, self.told, *arguments, exact=self.exact)
+    def draw(self, kernel: str, warps: int, *arguments: object) -> None:
+        """Start a kernel that has so many warps for each block of pixels."""
+        launch(kernel, self.blocks, 32 * warps, self.told, *arguments, exact=self.exact)
 
     def sum(self, into: Buffer, base: Buffer | None = None) -> None:
         """The sum (9-2) on top of a picture, (H, W, 3) f4."""
-        self.draw("render_sum", base, into)
+        self.draw("render_sum", PICTURE_WARPS, base, into)
 
     def frame(self, into: Buffer, bit_depth: int) -> None:
         """The frame, (H, W, 3) u1 or u2: R-13-4, and (9-7) where it is exact."""
-        self.draw("render_frame", bit_depth, into)
+        self.draw("render_frame", PICTURE_WARPS, bit_depth, into)
 
     def gradients(self, parameters: Buffer, splat_count: int, scale: float, into: Buffer) -> None:
         """The gradients, (splat_count, 8) f4, times `scale`, of the moments that a kernel has left."""
         launch(
-            "add_gradients", -(-splat_count // SPLATS_OF_BLOCK), 32 * SPLATS_OF_BLOCK, self.told, parameters,
+            "grad_splats", -(-splat_count // SPLATS_OF_BLOCK), 32 * SPLATS_OF_BLOCK, self.told, parameters,
             splat_count, self.moments, np.float64(scale), into,
         )  # fmt: skip
 
@@ -191,6 +192,6 @@ def render_gradients(parameters: Floats, residual: Floats) -> Values:
     scene = Scene(width, height, count, slots=int(download(scene.slots_needed, (), "u8")))
     scene.fill(there, count)
     gradients = storage(parameters.nbytes)
-    scene.draw("render_gradients", upload(residual, "f4"), scene.moments)
+    scene.draw("render_gradients", GRADIENT_WARPS, upload(residual, "f4"), scene.moments)
     scene.gradients(there, count, 1, gradients)
     return {"gradients": download(gradients, parameters.shape, "f4")}

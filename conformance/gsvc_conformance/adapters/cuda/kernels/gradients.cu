@@ -5,6 +5,7 @@
    moments of four tiles, and nobody else writes there; in the end a warp for each splat adds up its slots, in binary64 and
    always in the same order. So a gradient has the same bytes in every run, and no atomic addition flushes any of it. */
 
+#define ROWS 8
 #include "sums.cuh"
 
 #define MOMENTS 8
@@ -32,13 +33,13 @@ static __device__ __forceinline__ float sum_of_warp(float *numbers)
 }
 
 /* The moments of a splat over a tile, for e = dL/dC: of u1, u2, u1 u1, u1 u2, u2 u2, then red, green, blue. */
-static __device__ __forceinline__ float moments_of_tile(const Splat &s, const Tile &tile, const Sums &e)
+static __device__ __forceinline__ float grad_add_splat(const Splat &s, const Tile &tile, const Sums &e)
 {
     float u1 = whitened_column(s, tile.i + 0.5f), sheared = shear(s, u1), square = __fmul_rn(u1, u1);
     float q_u2 = 0, q_u2_u2 = 0, red = 0, green = 0, blue = 0;
 #pragma unroll
     for (int k = 0; k < ROWS; k++) {
-        float u2 = whitened_row(s, tile.j + 0.5f + 2 * k, sheared);
+        float u2 = whitened_row(s, tile.j + 0.5f + 4 * k, sheared);
         float m = multiply_add(u2, u2, square);
         float g = exp_minus_half(m);
         if (m <= SUPPORT_SQUARED) {
@@ -52,7 +53,7 @@ static __device__ __forceinline__ float moments_of_tile(const Splat &s, const Ti
         }
     }
     u1 = fabsf(u1) < INFINITY ? u1 : 0.0f;  /* where it is not finite nothing is covered, and 0 inf is not 0 */
-    float q_u1 = (red * s.red + green * s.green + blue * s.blue) * u1;        /* the sum of q, since u1 is that of the column */
+    float q_u1 = (red * s.red + green * s.green + blue * s.blue) * u1;     /* the sum of q times u1, that of the column */
     float moments[MOMENTS] = {q_u1, q_u2, q_u1 * u1, q_u2 * u1, q_u2_u2, red, green, blue};
     return sum_of_warp(moments);
 }
@@ -65,13 +66,14 @@ static __device__ __forceinline__ void write_moments(const Scene &scene, const T
     each_splat(
         scene, tile,
         [&](const Splat &s) {
-            float sum = moments_of_tile(s, tile, e);
+            float sum = grad_add_splat(s, tile, e);
             if (s.slot >= 0 && lane % 4 == 0)
                 place(s)[lane / 4] = sum;
         },
         [&](const Splat &s) {
-            for (int k = 0; s.slot >= 0 && k < MOMENTS; k++)
-                place(s)[k] = 0;
+            float4 *zeros = (float4 *)place(s);
+            if (s.slot >= 0)
+                zeros[0] = zeros[1] = make_float4(0, 0, 0, 0);
         });
 }
 
@@ -129,7 +131,7 @@ loss_of_splats(Scene scene, const float *base, const float *target, double *loss
 /* One warp for each splat: its gradient, times `scale`, from its slots. Lane l adds number l % 8 of tile l / 8. Without
    slots, which the host has to see in `slots_needed` of lists.cu, a gradient is NaN. */
 extern "C" __global__ void __launch_bounds__(32 * SPLATS_OF_BLOCK)
-add_gradients(Scene scene, const float *parameters, int splat_count, const float *moments, double scale, float *gradients)
+grad_splats(Scene scene, const float *parameters, int splat_count, const float *moments, double scale, float *gradients)
 {
     int n = blockIdx.x * SPLATS_OF_BLOCK + threadIdx.x / 32, lane = threadIdx.x % 32;
     if (n >= splat_count)

@@ -1,6 +1,6 @@
 /* Which splats touch which region of the frame: no sort, and no order in which atomics happen matters. */
 
-#include "tiles.cuh"
+#include "splats.cuh"
 
 #define SPLATS_OF_BLOCK 8
 

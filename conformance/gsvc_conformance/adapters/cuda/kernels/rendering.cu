@@ -1,5 +1,6 @@
 /* From splats to sums of pixels, and from sums to samples. */
 
+#define ROWS 4
 #include "sums.cuh"
 
 /* (9-7) and R-9.1-1. Both comparisons fail for a NaN: black. */
@@ -19,13 +20,13 @@ static __device__ __forceinline__ void write_sample(unsigned char *frame, size_t
 }
 
 /* `base` may be null. */
-extern "C" __global__ void __launch_bounds__(THREADS, 8) render_sum(Scene scene, const float *base, float *sum)
+extern "C" __global__ void __launch_bounds__(THREADS, 5) render_sum(Scene scene, const float *base, float *sum)
 {
     Tile tile = tile_of_warp(scene);
     write_pixels(scene, tile, sums_of(scene, tile, base), sum);
 }
 
-extern "C" __global__ void __launch_bounds__(THREADS, 8) render_frame(Scene scene, int bit_depth, unsigned char *frame)
+extern "C" __global__ void __launch_bounds__(THREADS, 5) render_frame(Scene scene, int bit_depth, unsigned char *frame)
 {
     Tile tile = tile_of_warp(scene);
     Sums sums = sums_of(scene, tile, nullptr);

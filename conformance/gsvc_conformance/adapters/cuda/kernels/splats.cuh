@@ -116,6 +116,8 @@ static __device__ __forceinline__ bool touches(const Splat &s, float left, float
     return !(nearest > SUPPORT_SQUARED) || any_nan != any_nan;
 }
 
+#define BLOCK 32                            /* width and height of what a block of threads draws, in pixels */
+
 /* Columns and rows of squares of `side` pixels. */
 struct Box { int left, top, columns, rows; };
 

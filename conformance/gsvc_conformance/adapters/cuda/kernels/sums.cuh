@@ -14,7 +14,7 @@ static __device__ __forceinline__ void add_splat(const Splat &s, const Tile &til
     float u1 = whitened_column(s, tile.i + 0.5f), sheared = shear(s, u1), square = __fmul_rn(u1, u1);
 #pragma unroll
     for (int k = 0; k < ROWS; k++) {
-        float u2 = whitened_row(s, tile.j + 0.5f + 2 * k, sheared);
+        float u2 = whitened_row(s, tile.j + 0.5f + 4 * k, sheared);
         float m = multiply_add(u2, u2, square);
         float g = exp_minus_half(m);
         if (m <= SUPPORT_SQUARED) {
@@ -27,13 +27,13 @@ static __device__ __forceinline__ void add_splat(const Splat &s, const Tile &til
 
 static __device__ __forceinline__ bool is_pixel(const Scene &scene, const Tile &tile, int k)
 {
-    return tile.i < scene.width && tile.j + 2 * k < scene.height;
+    return tile.i < scene.width && tile.j + 4 * k < scene.height;
 }
 
 /* Where the three components of the k-th pixel of a lane begin. */
 static __device__ __forceinline__ size_t place_of(const Scene &scene, const Tile &tile, int k)
 {
-    return 3 * ((size_t)(tile.j + 2 * k) * scene.width + tile.i);
+    return 3 * ((size_t)(tile.j + 4 * k) * scene.width + tile.i);
 }
 
 /* The pixels of a lane in a picture; 0 beyond its edges, and where there is no picture. */

@@ -1,18 +1,21 @@
 /* From lists of regions to the splats of a tile.
 
-   A block of threads has a square of BLOCK x BLOCK pixels, each of its warps a tile of TILE x TILE, and each lane ROWS pixels
-   of a column of it. The list of a region is a bit for each splat of the frame: that keeps their order without a sort, and
-   the block turns it into numbers as it goes. Nothing limits the number of splats of a tile (9.1). */
+   A block of threads has a square of BLOCK x BLOCK pixels, each of its warps a tile of 8 x 4 ROWS, and each lane ROWS pixels
+   of a column of it, every fourth: so what a warp does at once is in 8 x 4 pixels, and of these a splat covers most or none.
+   The list of a region is a bit for each splat of the frame: that keeps their order without a sort, and the block turns it
+   into numbers as it goes. Nothing limits the number of splats of a tile (9.1).
+
+   Who includes this defines ROWS, 4 or 8: more of them share what is done once for a splat and a column, fewer are sooner
+   at their end. */
 
 #pragma once
 
 #include "splats.cuh"
 
-#define TILE 16
-#define BLOCK 32
-#define WARPS 4
+#define TILE_WIDTH 8
+#define TILE_HEIGHT (4 * ROWS)
+#define WARPS (BLOCK / TILE_WIDTH * (BLOCK / TILE_HEIGHT))
 #define THREADS (32 * WARPS)
-#define ROWS 8
 
 /* Frame, splats and lists. */
 struct Scene {
@@ -23,7 +26,7 @@ struct Scene {
     int side, columns;                      /* width and height of a region in pixels, a multiple of BLOCK; regions across */
 };
 
-/* The tile of a warp, and the pixels of a lane in it: column i, rows j, j + 2, ..., j + 2 (ROWS - 1). */
+/* The tile of a warp, and the pixels of a lane in it: column i, rows j, j + 4, ..., j + 4 (ROWS - 1). */
 struct Tile {
     int number;                             /* in the order of blocks and warps */
     bool inside;                            /* whether it has pixels of the frame */
@@ -34,16 +37,17 @@ struct Tile {
 static __device__ __forceinline__ Tile tile_of_warp(const Scene &scene)
 {
     int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-    int x = blockIdx.x * BLOCK + warp % 2 * TILE, y = blockIdx.y * BLOCK + warp / 2 * TILE;
+    int x = blockIdx.x * BLOCK + warp % (BLOCK / TILE_WIDTH) * TILE_WIDTH;
+    int y = blockIdx.y * BLOCK + warp / (BLOCK / TILE_WIDTH) * TILE_HEIGHT;
     Tile tile;
     tile.number = (blockIdx.y * gridDim.x + blockIdx.x) * WARPS + warp;
     tile.inside = x < scene.width && y < scene.height;
     tile.left = x + 0.5f;
-    tile.right = min(x + TILE, scene.width) - 0.5f;
+    tile.right = min(x + TILE_WIDTH, scene.width) - 0.5f;
     tile.top = y + 0.5f;
-    tile.bottom = min(y + TILE, scene.height) - 0.5f;
-    tile.i = x + lane % 16;
-    tile.j = y + lane / 16;
+    tile.bottom = min(y + TILE_HEIGHT, scene.height) - 0.5f;
+    tile.i = x + lane % TILE_WIDTH;
+    tile.j = y + lane / TILE_WIDTH;
     return tile;
 }
 
