@@ -12,10 +12,12 @@ from gsvc_conformance.cases.main_streams import Plan, main_stream
 from gsvc_ref.testing.random_main_streams import random_main_stream
 
 
-@pytest.fixture(params=["webgpu", "opencl"])
-def adapter(request):
+@pytest.fixture(params=["webgpu", "opencl", "cuda"])
+def adapter(request, monkeypatch):
     """The adapters that decode profile `main` on a device; skipped where there is none."""
-    pytest.importorskip({"webgpu": "wgpu", "opencl": "pyopencl"}[request.param], reason="one of the extra adapters")
+    needed = {"webgpu": "wgpu", "opencl": "pyopencl", "cuda": "numpy"}[request.param]
+    pytest.importorskip(needed, reason="one of the extra adapters")
+    monkeypatch.setenv("GSVC_CUDA", "fibers")
     module = importlib.import_module(f"gsvc_conformance.adapters.{request.param}")
     try:
         module.environment()

@@ -17,17 +17,33 @@ Operations = dict[str, Callable[..., dict[str, Any]]]
 LaneDecoder = Callable[[int, Sequence[int], int, Sequence[int], Sequence[int]], tuple[Any, list[int], int]]
 """(count, frequencies, precision, states, words) to symbols u2 (count,), final states, and how many words it takes."""
 
-STREAM_OPERATIONS: Final = ("reconstruct_stream", "decode_stream", "decode_stream_deterministic", "decode_layers")
+MainReader = Callable[[dict[str, Any]], dict[str, Any]]
+"""The names of the code of spec.md, which may be filled afterwards, to functions that take the place of its own:
+`MainState`, `copied`, `carried`, `read_main_body`, `state_parameters` and `main_work`."""
+
+STREAM_OPERATIONS: Final = (
+    "reconstruct_stream",
+    "decode_stream",
+    "decode_stream_deterministic",
+    "decode_layers",
+    "seek",
+)
 """The operations of spec.md that call the back end."""
 
 PLANE_OPERATIONS: Final = ("read_stream", "decode_plane")
 """The further operations of spec.md that decode planes."""
 
 
+def code_of_spec(functions: Mapping[str, Callable[..., Any]]) -> dict[str, Any]:
+    """The names of the code of spec.md with functions in the place of its own, for decoders that call it themselves."""
+    return spec.namespace(functions=functions)
+
+
 def stream_operations(
     back_end: Mapping[str, Callable[..., Any]],
     decode_lanes: LaneDecoder | None = None,
     main_profile: "MainBackEnd | None" = None,
+    main_reader: "MainReader | None" = None,
 ) -> Operations:
     """The operations of whole streams, by name, with functions of a back end in the place of spec.md's own.
 
@@ -43,12 +59,17 @@ def stream_operations(
     main_profile
         What decodes frames of profile `main`; with it come the operations ``read_main_stream`` and
         ``reconstruct_layers``. Without it the code of spec.md decodes them.
+    main_reader
+        In its place, what reads such a frame from its first element on.
     """
     names: dict[str, Any] = {}
     functions = dict(back_end)
     found: Sequence[str] = STREAM_OPERATIONS
     if main_profile is not None:
         functions |= main_functions(main_profile, names)
+    if main_reader is not None:
+        functions |= main_reader(names)
+    if main_profile is not None or main_reader is not None:
         found = MAIN_OPERATIONS
     if decode_lanes is None:
         names.update(spec.namespace(functions=functions))

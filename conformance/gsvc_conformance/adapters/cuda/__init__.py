@@ -1,4 +1,4 @@
-"""GSVC in CUDA C++: rendering, its gradients and the steps of training, on an NVIDIA GPU or, without one, as fibers.
+"""GSVC in CUDA C++: decoder, renderer and the steps of training, on an NVIDIA GPU or, without one, as fibers.
 
     gsvc-conformance run --module gsvc_conformance.adapters.cuda
     GSVC_CUDA=fibers gsvc-conformance run --module gsvc_conformance.adapters.cuda
@@ -9,10 +9,18 @@ with fibers.h, where every thread is a fiber. It is for tests, a thousand times 
 NVIDIA's compiler does. Both keep what they have compiled in the folder gsvc-cuda of the user's cache.
 
 The kernels are in `kernels/`, to be read in this order: common.cuh, splats.cuh, lists.cu, tiles.cuh, sums.cuh,
-rendering.cu, gradients.cu; then training.cu and quantization.cu. A frame is two launches: a warp for each splat sets
-its bit in the lists of the regions that it touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients)
-adds up the splats of its list. Nothing is sorted, a list is in the order of the splats, and a pixel is written once.
-`rendering.Scene` and `evaluation.Evaluation` are the same for callers whose pictures and gradients stay on the device.
+rendering.cu, gradients.cu; then training.cu and quantization.cu; and for the decoder blocks.cuh, crc.cuh, rans.cuh,
+reconstruct.cu, and of profile `main` main_tables.cuh, main_splats.cuh, main_parts.cuh, main_run.cuh, main_body.cu and
+main_operations.cu. A frame is two launches: a warp for each splat sets its bit in the lists of the regions that it
+touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients) adds up the splats of its list. Nothing is
+sorted, a list is in the order of the splats, and a pixel is written once. `rendering.Scene` and `evaluation.Evaluation`
+are the same for callers whose pictures and gradients stay on the device.
+
+`decoder.Decoder` makes pictures of the bytes of a stream of profile `main` without waiting for the device: read_body,
+one block, reads a frame, from the bits of its head to the states of its splats, and finds its faults; a warp decodes
+the symbols of 32 lanes. `python -m gsvc_conformance.adapters.cuda FILE.gsvc` says how fast that is. The container, and
+the elements of planes of profile `paper`, are read by the decoder inside spec.md, through
+`gsvc_conformance.adapters.host`.
 
 What the kernels assume of the compiler. All are compiled twice. Identical bytes (spec.md 9.3) take --fmad=false,
 --ftz=false, --prec-div=true and --prec-sqrt=true, and each operation that decides is written as __fmul_rn, __fadd_rn,
@@ -27,14 +35,6 @@ kernel that is launched spills registers.
 
 from gsvc_conformance.adapters.cuda.device import environment
 from gsvc_conformance.adapters.cuda.main_profile import MAIN
-from gsvc_conformance.adapters.cuda.reconstruction import (
-    from_half,
-    parameter_checksum,
-    reconstruct_inter,
-    reconstruct_intra,
-    rendering_work,
-    to_half,
-)
 from gsvc_conformance.adapters.cuda.quantization import (
     commitment,
     lsq_dequantize,
@@ -42,6 +42,14 @@ from gsvc_conformance.adapters.cuda.quantization import (
     lsq_quantize,
     rvq_assign,
     rvq_update,
+)
+from gsvc_conformance.adapters.cuda.reconstruction import (
+    from_half,
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    rendering_work,
+    to_half,
 )
 from gsvc_conformance.adapters.cuda.rendering import (
     render_frame,
@@ -53,7 +61,7 @@ from gsvc_conformance.adapters.cuda.rendering import (
     to_frame,
     to_frame_deterministic,
 )
-from gsvc_conformance.adapters.cuda.streams import NAMES, decode_stream, decode_stream_deterministic
+from gsvc_conformance.adapters.cuda.streams import STREAMS, decode_stream, decode_stream_deterministic
 from gsvc_conformance.adapters.cuda.training import (
     adan_step,
     augment,
@@ -66,27 +74,58 @@ from gsvc_conformance.adapters.cuda.training import (
 
 __all__ = [
     "adan_step",
+    "adapt_model",
     "augment",
+    "cells_of_halves",
+    "codes_of_classes",
     "commitment",
     "compact",
+    "decode_layers",
+    "decode_plane",
+    "decode_stream",
+    "decode_stream_deterministic",
+    "density_frequencies",
+    "encode_run",
     "environment",
+    "field_vectors",
+    "from_half",
+    "half_frequencies",
     "loss",
     "lsq_dequantize",
     "lsq_gradients",
     "lsq_quantize",
+    "main_inter",
+    "main_intra",
+    "main_work",
+    "mode_contexts",
+    "model_frequencies",
+    "motion_of_splats",
+    "parameter_checksum",
     "prune",
+    "read_main_stream",
+    "read_stream",
+    "reconstruct_inter",
+    "reconstruct_intra",
+    "reconstruct_layers",
+    "reconstruct_stream",
     "render_frame",
     "render_gradients",
     "render_sum",
     "render_sum_deterministic",
+    "rendering_work",
     "rvq_assign",
     "rvq_update",
     "scale_parameters",
     "scale_parameters_filtered",
+    "seek",
+    "splat_classes",
+    "state_parameters",
     "to_frame",
     "to_frame_deterministic",
+    "to_half",
     "weighted_gradients",
     "weighted_parameters",
+    "window_frequencies",
 ]
 
 adapt_model = MAIN.adapt_model
@@ -106,10 +145,10 @@ splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
 window_frequencies = MAIN.window_frequencies
 
-read_main_stream = NAMES["read_main_stream"]
-reconstruct_layers = NAMES["reconstruct_layers"]
-reconstruct_stream = NAMES["reconstruct_stream"]
-decode_layers = NAMES["decode_layers"]
-read_stream = NAMES["read_stream"]
-decode_plane = NAMES["decode_plane"]
-seek = NAMES["seek"]
+decode_layers = STREAMS["decode_layers"]
+decode_plane = STREAMS["decode_plane"]
+read_main_stream = STREAMS["read_main_stream"]
+read_stream = STREAMS["read_stream"]
+reconstruct_layers = STREAMS["reconstruct_layers"]
+reconstruct_stream = STREAMS["reconstruct_stream"]
+seek = STREAMS["seek"]

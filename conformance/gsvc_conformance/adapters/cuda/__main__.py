@@ -1,7 +1,7 @@
 """Decode a file of profile `main` to pixels on the device, and say how fast that was.
 
-    python -m gsvc_conformance.adapters.cuda clip.gsvc
-    python -m gsvc_conformance.adapters.cuda --deterministic clip.gsvc
+python -m gsvc_conformance.adapters.cuda clip.gsvc
+python -m gsvc_conformance.adapters.cuda --deterministic clip.gsvc
 """
 
 import argparse
@@ -33,9 +33,14 @@ def digest(stream: bytes) -> str:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="python -m gsvc_conformance.adapters.cuda", description=__doc__.split("\n")[0])
+    """Run the command; 0 if the file was decoded."""
+    parser = argparse.ArgumentParser(
+        prog="python -m gsvc_conformance.adapters.cuda", description=__doc__.split("\n")[0]
+    )
     parser.add_argument("file", type=Path, help="a .gsvc file")
-    parser.add_argument("--deterministic", action="store_true", help="as section 9.3 says; with the SHA-256 of all frames")
+    parser.add_argument(
+        "--deterministic", action="store_true", help="as section 9.3 says; with the SHA-256 of all frames"
+    )
     parser.add_argument("--times", type=int, default=5, metavar="N", help="decode N times, and take the median (5)")
     told = parser.parse_args()
     try:

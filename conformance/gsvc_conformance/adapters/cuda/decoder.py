@@ -6,9 +6,9 @@
         picture.samples()        # an array; it waits, and raises the fault of the stream if there is one so far
 
 The host walks from chunk to chunk and reads what stands in front of a frame_body(). It hands the bytes of the chunk to
-the kernel `read_body`, which finds everything else, the checksum of the chunk included; what follows is launched for as
-many splats as there may be. So the host never asks how many there are. It hears of a fault, of the rendering work and of
-a wrong `parameter_checksum` when a picture is asked for, or when a slot is used again, DEPTH frames later.
+the kernel `read_body`, which finds everything else, the checksum of the chunk included; what follows is launched for
+as many splats as there may be. So the host never asks how many there are. It hears of a fault, of the rendering work
+and of a wrong `parameter_checksum` when a picture is asked for, or when a slot is used again, DEPTH frames later.
 
     reading    | frame 0 | frame 1 | frame 2 |          bytes -> states -> parameters
     rendering            | frame 0 | frame 1 | frame 2 |          parameters -> samples
@@ -17,6 +17,7 @@ These are two streams of the device. Frames follow one another in both, but a fr
 rendered.
 """
 
+import ctypes
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -26,9 +27,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance import spec
 from gsvc_conformance.adapters.cuda import device
-from gsvc_conformance.adapters.cuda.device import Array, Buffer, clear, download, launch, storage
+from gsvc_conformance.adapters.cuda.device import Array, Buffer, Launch, clear, download, launch, storage
 from gsvc_conformance.adapters.cuda.main_profile import (
     FIELD_HEAD,
     LAYER,
@@ -46,6 +46,7 @@ from gsvc_conformance.adapters.cuda.main_profile import (
 )
 from gsvc_conformance.adapters.cuda.reconstruction import CHECKSUM_WORDS
 from gsvc_conformance.adapters.cuda.rendering import Scene
+from gsvc_conformance.adapters.host import code_of_spec
 from gsvc_conformance.adapters.main_operations import groups
 
 DEPTH: Final = 4
@@ -60,12 +61,18 @@ class Slot:
 
     def __init__(self, most: int, text_size: int, header: dict[str, int]) -> None:
         self.most, self.text_size = most, text_size
+        self.told_bytes = (ctypes.c_ubyte * TOLD.itemsize)()
+        self.told = np.frombuffer(self.told_bytes, TOLD)[0:1].reshape(())
+        for name in ("width", "height", "max_lane_exponent"):
+            self.told[name] = header[name]
         self.layer = Layer(most, storage(LAYER.itemsize), storage(32 * most), storage(most))
         self.parameters, self.checksum = storage(32 * most), storage(4)
         self.text, self.text_on_host = storage(text_size), device.pinned(text_size)
         self.status, self.status_on_host = storage(STATUS.itemsize), device.pinned(STATUS.itemsize + 4)
         samples = 3 * header["width"] * header["height"]
         self.frame = storage(samples * (1 if header["bit_depth"] == 8 else 2))
+        self.show: Callable[[], None] | None = None
+        """It launches what makes a picture of the parameters."""
         self.done: Any = None
 
     @property
@@ -117,7 +124,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class Check:
-    """What is left to be seen of a frame once the device has it; of a chunk after it, with the number of the next one."""
+    """What is left to be checked once the device has a frame; of a chunk `n` it has the number of the next frame."""
 
     number: int
     run: Callable[[], None]
@@ -133,12 +140,14 @@ class Bound:
     """Number and new splats of each frame after it."""
 
     def add(self, number: int, count: int, intra: bool) -> None:
+        """A frame was launched."""
         if intra:
             self.splats = 0
             self.added.clear()
         self.added.append((number, count))
 
     def learn(self, number: int, count: int) -> None:
+        """The splats of a frame are known."""
         if self.added and self.added[0][0] <= number:
             while self.added and self.added[0][0] <= number:
                 self.added.popleft()
@@ -146,6 +155,7 @@ class Bound:
 
     @property
     def most(self) -> int:
+        """How many there are at most."""
         return self.splats + sum(count for _, count in self.added)
 
 
@@ -183,11 +193,12 @@ class Decoder:
         self.reading, self.rendering = device.stream(), device.stream()
         self._slots: deque[Slot | None] = deque([None] * DEPTH)
         self._slot: Slot | None = None
-        self._layer, self._bound = no_splats(), Bound()
+        self._bound = Bound()
+        self._readers: dict[tuple[Slot, Slot | None], tuple[Launch, Launch]] = {}
         self._cells = field_cells(self.header["width"], self.header["height"])
         self._field = storage(FIELD_HEAD.itemsize + 8 * self._cells)
         self._workspace, self._modes, self._differences = storage(1), storage(1), storage(1)
-        self._scene = self._new_scene(0)
+        self._scene = Scene(self.header["width"], self.header["height"], 0, exact=exact)
         self._checks: deque[Check] = deque()
         self._fault: tuple[int, Exception] | None = None
         self._pacing = names()["State"](self.header)
@@ -233,41 +244,33 @@ class Decoder:
     def read(self, p: Any, frame_type: str, limits: dict[str, int]) -> None:
         """Launch what reads the frame_body() at which `p` stands."""
         chunk: bytes = p.chunk
-        told = np.zeros((), TOLD)
-        told["end"] = told["checked"] = len(chunk) - 4
-        told["body_at"] = len(chunk) - 4 - len(p.data) + p.at // 8
-        told["intra"], told["halvings"] = frame_type == "I", self._state.halvings
-        told["splat_limits"] = limits["splats"], limits["own_splats"]
-        told["work_limits"] = self._state.limits["work"], self._state.own["work"]
-        for name in ("width", "height", "max_lane_exponent"):
-            told[name] = self.header[name]
-        count = new_splats(p.data[p.at // 8 : p.at // 8 + 8], limits["splats"])
-        before = no_splats() if frame_type == "I" else self._layer
+        at = p.at // 8
+        count = new_splats(p.data[at : at + 8], limits["splats"])
+        before = None if frame_type == "I" else self._slot
         self._bound.add(self._state.next_number, count, frame_type == "I")
         with self.reading as stream:
             slot = self._free_slot(self._bound.most, len(chunk))
-            self._make_room(before.most, count)
+            self._make_room(before.most if before else 0, count)
+            told = slot.told
+            told["end"] = told["checked"] = len(chunk) - 4
+            told["body_at"], told["intra"] = len(chunk) - 4 - len(p.data) + at, frame_type == "I"
+            told["splat_limits"], told["halvings"] = (limits["splats"], limits["own_splats"]), self._state.halvings
+            told["work_limits"] = self._state.limits["work"], self._state.own["work"]
             slot.text_on_host[: len(chunk)] = np.frombuffer(chunk, np.uint8)
             device.send(slot.text_on_host[: len(chunk)], slot.text)
-            launch(
-                "read_body", 1, reading_threads(), slot.text, told[()], self._tables, before.head, before.states,
-                before.past, None, slot.layer.head, slot.layer.states, slot.layer.past, self._field, self._modes,
-                self._differences, self._workspace, None, slot.status,
-            )  # fmt: skip
-            launch(
-                "frame_parameters", groups(self._bound.most), THREADS, self._tables, slot.layer.states, slot.layer.head,
-                np.uint32(self._bound.most), slot.parameters,
-            )  # fmt: skip
+            for start in self._reader(slot, before):
+                start()
             read = stream.record()
         with self.rendering as stream:
             stream.wait_event(read)
-            if self._scene.most_splats < slot.most:
-                self._scene = self._new_scene(slot.most)
-            self._render(slot, self._bound.most)
+            if slot.show is None:
+                slot.show = self._shower(slot)
+            slot.show()
+            device.fetch(slot.status, slot.status_on_host[: STATUS.itemsize])
+            if self.header["flags"] & PARAMETER_CHECKSUM:
+                device.fetch(slot.checksum, slot.status_on_host[STATUS.itemsize :])
             slot.done = stream.record()
-        self._slot = slot
-        self._layer = Layer(self._bound.most, slot.layer.head, slot.layer.states, slot.layer.past)
-        self._bits.chunk = None
+        self._slot, self._bits.chunk = slot, None
         p.at = 8 * len(p.data)
 
     def complete(self, frame: dict[str, Any], chunk_bit: int) -> Picture:
@@ -275,9 +278,7 @@ class Decoder:
         slot, waiting = self._slot, self._state.bytes_waiting
         self._state.bytes_waiting = 0
         assert slot is not None  # the first frame is an I-frame (R-6.4-2)
-        self._checks.append(
-            Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot)
-        )
+        self._checks.append(Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot))
         return Picture(self, frame["frame_number"], slot)
 
     def count_layer(self, chunk_bit: int) -> None:
@@ -302,6 +303,7 @@ class Decoder:
             self._settle(slot)
         if slot is None or slot.most < most or slot.text_size < text_size:
             slot = Slot(most + most // 4, 2 * text_size, self.header)
+            self._readers.clear()
         self._slots.append(slot)
         return slot
 
@@ -311,28 +313,51 @@ class Decoder:
         with suppress(names()["Fault"]):
             self.confirm(max(numbers, default=-1))
 
-    def _new_scene(self, most: int) -> Scene:
-        return Scene(self.header["width"], self.header["height"], most, exact=self.exact)
-
     def _make_room(self, before: int, count: int) -> None:
         size = workspace_size(before, count, self._cells)
         if len(self._workspace) < size:
             self._workspace = storage(2 * size)
+            self._readers.clear()
         if len(self._differences) < 32 * before:
             self._modes, self._differences = storage(2 * before), storage(64 * before)
+            self._readers.clear()
 
-    def _render(self, slot: Slot, most: int) -> None:
-        if self.header["flags"] & PARAMETER_CHECKSUM:
-            threads = groups(8 * most, CHECKSUM_WORDS)
-            clear(slot.checksum)
-            launch(
-                "parameter_checksum", groups(threads), THREADS, slot.parameters, slot.layer.head, slot.checksum,
-                exact=True,
+    def _reader(self, slot: Slot, before: Slot | None) -> tuple[Launch, Launch]:
+        """What reads a frame into a slot, after that of another one, and makes parameters of its states."""
+        made = self._readers.get((slot, before))
+        if made is None:
+            layer, after = before.layer if before else no_splats(), slot.layer
+            made = self._readers[slot, before] = (
+                Launch(
+                    "read_body", 1, reading_threads(), slot.text, slot.told_bytes, self._tables, layer.head,
+                    layer.states, layer.past, None, after.head, after.states, after.past, self._field, self._modes,
+                    self._differences, self._workspace, None, slot.status,
+                ),
+                Launch(
+                    "frame_parameters", groups(slot.most), THREADS, self._tables, after.states, after.head,
+                    np.uint32(slot.most), slot.parameters,
+                ),
             )  # fmt: skip
-            device.fetch(slot.checksum, slot.status_on_host[STATUS.itemsize :])
-        self._scene.fill(slot.parameters, most)
-        self._scene.frame(slot.frame, self.header["bit_depth"])
-        device.fetch(slot.status, slot.status_on_host[: STATUS.itemsize])
+        return made
+
+    def _shower(self, slot: Slot) -> Callable[[], None]:
+        """What makes a picture of the parameters in a slot, and their checksum if the stream states it."""
+        if self._scene.most_splats < slot.most:
+            self._scene = Scene(self.header["width"], self.header["height"], slot.most, exact=self.exact)
+        scene, bit_depth = self._scene, self.header["bit_depth"]
+        threads = groups(8 * slot.most, CHECKSUM_WORDS)
+
+        def show() -> None:
+            if self.header["flags"] & PARAMETER_CHECKSUM:
+                clear(slot.checksum)
+                launch(
+                    "parameter_checksum", groups(threads), THREADS, slot.parameters, slot.layer.head, slot.checksum,
+                    exact=True,
+                )  # fmt: skip
+            scene.fill(slot.parameters, slot.most)
+            scene.frame(slot.frame, bit_depth)
+
+        return device.replay(show)
 
     def _check(self, frame: dict[str, Any], slot: Slot, chunk_bit: int, waiting: int) -> None:
         """What is left of the order of section 12.2, once the device has read a frame."""
@@ -361,7 +386,7 @@ def _compare_checksum(chunk: Any, names: dict[str, Any]) -> None:
 
 @cache
 def names() -> dict[str, Any]:
-    """The code of spec.md, whose container a Decoder reads, with functions that launch in the place of those that read."""
+    """The code of spec.md, which reads the container, with functions that launch in the place of those that read."""
 
     class MainState:
         """What the code of section 15.12 carries from frame to frame: the decoder has it."""
@@ -395,7 +420,7 @@ def names() -> dict[str, Any]:
         state.main.decoder.count_layer(chunk_bit)
 
     own = (MainState, read_main_body, complete_frame, count_layer)
-    made = spec.namespace(functions={function.__name__: function for function in own})
+    made = code_of_spec({function.__name__: function for function in own})
     read_whole_chunk = made["read_chunk"]
     made["read_chunk"] = read_chunk
     return made

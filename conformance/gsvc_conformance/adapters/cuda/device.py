@@ -155,7 +155,7 @@ class Launch:
     blocks, threads
         The grid, and a block of it. With an empty grid nothing is started.
     arguments
-        They are kept alive, and read when the kernel starts.
+        They are kept alive, and read when the kernel starts; an array of ctypes is a structure that may change between.
     exact
         Whether it is compiled for identical bytes: nothing fused, EXACT defined.
     """
@@ -186,6 +186,8 @@ def _three(size: Size) -> tuple[int, ...]:
 
 def _argument(value: Any) -> Any:
     """A parameter of a kernel in memory."""
+    if isinstance(value, ctypes.Array):
+        return value
     if isinstance(value, np.generic):
         return ctypes.create_string_buffer(value.tobytes(), value.nbytes)
     if type(value) is int:

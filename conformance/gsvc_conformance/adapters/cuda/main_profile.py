@@ -17,7 +17,7 @@ from gsvc_conformance.adapters.cuda import device
 from gsvc_conformance.adapters.cuda.device import Array, Buffer, Values, download, launch, storage, upload
 from gsvc_conformance.adapters.host import Field
 from gsvc_conformance.adapters.main_frames import COUNTS, symbols_of
-from gsvc_conformance.adapters.main_operations import CELL, SIDES, MainOperations, groups
+from gsvc_conformance.adapters.main_operations import CELL, SIDES, MainOperations
 
 RULES: Final = (
     "", "R-6.2-2", "R-6.2-3", "R-3.2-1", "R-15.5-1", "R-15.5-2", "R-15.5-5", "R-3.1-1", "R-5-2", "R-5-9", "R-15.5-3",

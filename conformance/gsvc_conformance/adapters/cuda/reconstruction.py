@@ -56,7 +56,7 @@ def reconstruct_intra(
 ) -> Values:  # fmt: skip
     """The splats that the codes of an intra block stand for, (N, 8) f4: R-8-1 is for the host to check."""
     count = len(positions)
-    codes, kept = uploaded(positions, cholesky, scale, offset, color_indices, codebook_sizes, codewords)
+    codes, _kept = uploaded(positions, cholesky, scale, offset, color_indices, codebook_sizes, codewords)
     block = np.array((1, 1, 1, len(codebook_sizes), width / 2, height / 2), BLOCK)
     parameters = storage(32 * count)
     launch("reconstruct_intra", groups(count), THREADS, codes, block[()], np.uint32(count), parameters, exact=True)
@@ -71,7 +71,7 @@ def reconstruct_inter(
     before, count = len(reference), int(np.count_nonzero(survivors))
     ranked = storage(4 * before)
     launch("rank_survivors", 1, THREADS, upload(survivors, "u2"), np.uint32(before), ranked, exact=True)
-    codes, kept = uploaded(positions, cholesky, scale, offset, color_indices, codebook_sizes, codewords)
+    codes, _kept = uploaded(positions, cholesky, scale, offset, color_indices, codebook_sizes, codewords)
     present = (len(attribute) > 0 for attribute in (positions, cholesky, color_indices))
     block = np.array((*present, len(codebook_sizes), width / 2, height / 2), BLOCK)
     parameters = storage(32 * count)

@@ -11,7 +11,7 @@ from typing import Final
 
 KERNELS: Final = Path(__file__).parent / "kernels"
 SOURCES: Final = (
-    "lists", "rendering", "gradients", "training", "quantization", "reconstruct", "main_body", "main_operations",
+    "lists", "rendering", "gradients", "training", "quantization", "reconstruct", "main_body", "main_operations"
 )  # fmt: skip
 """Each is compiled by itself, when one of its kernels is first launched; what they share is in the .cuh files."""
 

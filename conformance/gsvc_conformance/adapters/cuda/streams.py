@@ -1,10 +1,13 @@
-"""Whole streams (spec.md 12.4 to 12.6, 15.12 and 15.13): the container is read by the code inside spec.md."""
+"""Whole streams (spec.md 12.4 to 12.6, 15.12 and 15.13): the code inside spec.md reads the container.
 
-from typing import Any, Final
+`decode_stream` and `decode_stream_deterministic` of profile `main` go through `Decoder`, which does not wait; all other
+operations ask the device frame by frame.
+"""
+
+from typing import Final
 
 import numpy as np
 
-from gsvc_conformance import spec
 from gsvc_conformance.adapters.cuda.decoder import Decoder
 from gsvc_conformance.adapters.cuda.device import Array, Values
 from gsvc_conformance.adapters.cuda.main_profile import body_functions
@@ -16,30 +19,20 @@ from gsvc_conformance.adapters.cuda.reconstruction import (
     rendering_work,
 )
 from gsvc_conformance.adapters.cuda.rendering import render_frame, render_sum_deterministic, to_frame_deterministic
+from gsvc_conformance.adapters.host import Operations, stream_operations
 
-
-def stream_functions() -> dict[str, Any]:
-    """The names of the code of spec.md, with functions of the device in the place of its own."""
-    names: dict[str, Any] = {}
-
-    def decode_symbols(
-        count: int, frequencies: list[int], precision: int, states: list[int], words: list[int], word_bit: int
-    ) -> tuple[Any, int]:
-        symbols, states[:], needed = decode_lanes(count, frequencies, precision, states, words)
-        if needed > len(words):
-            raise names["Fault"]("R-7-1", word_bit)
-        return symbols, needed
-
-    own = (
-        decode_symbols, parameter_checksum, reconstruct_inter, reconstruct_intra, rendering_work, render_frame,
-        render_sum_deterministic, to_frame_deterministic,
-    )  # fmt: skip
-    functions = {function.__name__: function for function in own} | body_functions(names)
-    names.update(spec.namespace(functions=functions))
-    return names
-
-
-NAMES: Final = stream_functions()
+_BACK_END: Final = (
+    parameter_checksum,
+    reconstruct_inter,
+    reconstruct_intra,
+    render_frame,
+    render_sum_deterministic,
+    rendering_work,
+    to_frame_deterministic,
+)
+STREAMS: Final[Operations] = stream_operations(
+    {function.__name__: function for function in _BACK_END}, decode_lanes, main_reader=body_functions
+)
 
 
 def decode_stream(stream: Array) -> Values:
@@ -56,6 +49,5 @@ def _decoded(operation: str, stream: Array, exact: bool) -> Values:
     try:
         decoder = Decoder(bytes(stream), exact=exact)
     except ValueError:  # of profile paper
-        values: Values = NAMES[operation](stream)
-        return values
+        return STREAMS[operation](stream)
     return {"frames": np.stack([picture.samples() for picture in decoder.pictures()])}

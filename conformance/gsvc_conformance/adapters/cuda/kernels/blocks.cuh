@@ -4,6 +4,10 @@
 
 #include "common.cuh"
 
+/* In front of a loop that is not to be unrolled: most of what a block does alone it does once, and longer code takes longer
+   to fetch. */
+#define ROLLED _Pragma("unroll 1")
+
 /* Items of a thread, where each has a run of items that follow one another. */
 struct Share {
     unsigned first, end;
@@ -15,13 +19,20 @@ static __device__ __forceinline__ Share share_of(unsigned count)
     return {first, min(count, first + each)};
 }
 
+/* work(i) for each item, by one thread after the other. */
+template <class Work> __device__ void in_turn(unsigned count, Work work)
+{
+    ROLLED for (unsigned i = threadIdx.x; i < count; i += blockDim.x)
+        work(i);
+}
+
 /* The sum of a number over the threads before this one, and over all of them, whatever the size of the block. All threads
    have to come here. */
-static __device__ uint2 sum_before(unsigned value)
+static __device__ __noinline__ uint2 sum_before(unsigned value)
 {
     __shared__ unsigned of_warps[32];
     unsigned lane = threadIdx.x % 32, warp = threadIdx.x / 32, inclusive = value;
-    for (unsigned step = 1; step < 32; step *= 2) {
+    ROLLED for (unsigned step = 1; step < 32; step *= 2) {
         unsigned lower = __shfl_up_sync(EVERY_LANE, inclusive, step);
         inclusive += lane >= step ? lower : 0;
     }
@@ -30,7 +41,7 @@ static __device__ uint2 sum_before(unsigned value)
         of_warps[warp] = inclusive;
     __syncthreads();
     uint2 found = make_uint2(inclusive - value, 0);
-    for (unsigned other = 0; other < blockDim.x / 32; other++) {
+    ROLLED for (unsigned other = 0; other < blockDim.x / 32; other++) {
         found.x += other < warp ? of_warps[other] : 0;
         found.y += of_warps[other];
     }
@@ -42,10 +53,10 @@ template <class Take> __device__ unsigned choose(unsigned count, unsigned *list,
 {
     Share own = share_of(count);
     unsigned chosen = 0;
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         chosen += take(i);
     uint2 found = sum_before(chosen);
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         if (take(i))
             list[found.x++] = i;
     return found.y;

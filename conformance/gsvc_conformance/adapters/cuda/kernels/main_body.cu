@@ -105,26 +105,27 @@ struct Bits {
     unsigned at, end, element;              /* bits: the next one, the end, and where the element read last began */
     Status *status;
 
-    __device__ bool fits(unsigned size, unsigned start)
+    __device__ __noinline__ bool fits(unsigned size, unsigned start)
     {
         element = start;
         if (size > end - at)
             refuse(*status, R_6_2_3, start);
         return status->rule == SOUND;
     }
-    __device__ unsigned u(unsigned size)
+    __device__ __noinline__ unsigned u(unsigned size)     /* up to 17 bits, of three bytes at most */
     {
-        unsigned value = 0;
+        unsigned first = at / 8, window = 0;
         if (!fits(size, at))
             return 0;
-        for (unsigned bit = 0; bit < size; bit++, at++)
-            value = value << 1 | (text[at / 8] >> (7 - at % 8) & 1);
-        return value;
+        for (unsigned k = 0; k < 3; k++)
+            window = window << 8 | (first + k < end / 8 ? text[first + k] : 0);
+        at += size;
+        return window >> (24 - at + 8 * first) & ((1u << size) - 1);
     }
-    __device__ unsigned uv()
+    __device__ __noinline__ unsigned uv()
     {
         unsigned start = at, value = 0, byte = 0x80, group = 0;
-        for (; byte >= 0x80 && group < 5; group++) {
+        ROLLED for (; byte >= 0x80 && group < 5; group++) {
             if (!fits(8, start))
                 return 0;
             byte = text[at / 8];
@@ -172,14 +173,14 @@ static __device__ void read_head(Bits &p, const Told &told, const Layer &layer, 
 
 static __device__ void read_densities(Bits &p, unsigned halvings, Shared &shared)
 {
-    for (int k = 0; k < 6; k++) {
+    ROLLED for (int k = 0; k < 6; k++) {
         Plane &plane = shared.planes[k];
         plane.family = p.u(1);
         plane.scale_code = p.u(5);
         plane.centre = (int)p.u(10) - 512;
         plane.slope = k == 0 || k == 5 ? 0 : (int)p.u(8) - 128;
     }
-    for (unsigned k = 0; k < halvings; k++)
+    ROLLED for (unsigned k = 0; k < halvings; k++)
         shared.halving_codes[k] = p.u(3);
     if (p.at % 8 > 0)
         p.require(p.u(8 - p.at % 8) == 0, R_3_1_4);
@@ -189,7 +190,7 @@ static __device__ void read_densities(Bits &p, unsigned halvings, Shared &shared
 static __device__ void read_word_counts(Bits &p, unsigned groups, Lanes &lanes)
 {
     unsigned long long sum = 0;
-    for (unsigned group = 0; group + 1 < groups && p.status->rule == SOUND; group++) {
+    ROLLED for (unsigned group = 0; group + 1 < groups && p.status->rule == SOUND; group++) {
         lanes.ends[group] = lanes.taken[group] = (unsigned)sum;
         sum += p.uv();
         p.require(sum <= (p.end - p.at) / 16, R_15_6_5);
@@ -228,7 +229,7 @@ static __device__ void read_vector_bits(Frame &f, Run &run, Shared &shared, int 
     unsigned char *classes = f.vector_classes;
     int *vectors = (int *)f.vectors + axis;
     Share own = share_of(cells);
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         vectors[2 * i] = magnitude_of(classes[i], 0);
     read_raw(run, shared.lanes, cells, [&](unsigned i) { return bits_of_class(classes[i]); },
              [&](unsigned i, unsigned low) { vectors[2 * i] += low; });
@@ -238,19 +239,21 @@ static __device__ void read_vector_bits(Frame &f, Run &run, Shared &shared, int 
 
 static __device__ void read_modes(Frame &f, Run &run, Shared &shared, const State *states, const unsigned char *past)
 {
-    for (unsigned n = threadIdx.x; n < f.before; n += blockDim.x) {
+    in_turn(f.before, [&](unsigned n) {
         f.motion[n] = motion_of_splat(states[n], f.field);
         f.contexts[n] = mode_context(states[n], past[n], f.motion[n], f.field, f.width, f.height);
-    }
+    });
     __syncthreads();
+    const unsigned char *contexts = f.contexts;
+    unsigned char *modes = f.modes;         /* what a loop needs of shared memory it has in registers */
     decode_symbols(run, shared.lanes, f.before, [&](unsigned n, unsigned slot) {
-        Symbol symbol = read_modeled(shared, MODE + f.contexts[n], slot);
-        f.modes[n] = symbol.value;
+        Symbol symbol = read_modeled(shared, MODE + contexts[n], slot);
+        modes[n] = symbol.value;
         return symbol;
     });
-    for (unsigned group = 0; group < 3; group++) {
+    ROLLED for (unsigned group = 0; group < 3; group++) {
         unsigned count = choose(f.before, f.changed[group], [&](unsigned n) {
-            return f.modes[n] != REMOVED && (f.modes[n] >> group & 1);
+            return modes[n] != REMOVED && (modes[n] >> group & 1);
         });
         if (threadIdx.x == 0)
             f.changed_count[group] = count;
@@ -262,21 +265,22 @@ static __device__ void read_modes(Frame &f, Run &run, Shared &shared, const Stat
 static __device__ __forceinline__ unsigned sum_of_classes(const Frame &f, unsigned group, unsigned components, unsigned at)
 {
     unsigned sum = 0;
-    for (unsigned k = 0; k < components; k++)
+    ROLLED for (unsigned k = 0; k < components; k++)
         sum += f.classes[FIRST_OF_GROUP[group] + k][at];
     return sum;
 }
 
 static __device__ void read_components(Frame &f, Run &run, Shared &shared, unsigned i)
 {
-    for (unsigned group = 0; group < 3; group++) {
+    ROLLED for (unsigned group = 0; group < 3; group++) {
         unsigned component = FIRST_OF_GROUP[group] + i;
         if (component >= FIRST_OF_GROUP[group + 1])
             continue;
+        unsigned char *classes = f.classes[component];
         decode_symbols(run, shared.lanes, f.changed_count[group], [&](unsigned at, unsigned slot) {
             unsigned context = i > 0 ? 3 * (i - 1) + 1 + min(sum_of_classes(f, group, i, at), 2u) : 0;
             Symbol symbol = read_modeled(shared, ROW_OF_GROUP[group] + context, slot);
-            f.classes[component][at] = symbol.value;
+            classes[at] = symbol.value;
             return symbol;
         });
     }
@@ -301,8 +305,8 @@ struct Component {
 static __device__ unsigned late_bits_of_differences(const Frame &f)
 {
     unsigned bits = 0;
-    for (unsigned group = 0; group < 3; group++)
-        for (unsigned c = FIRST_OF_GROUP[group]; c < FIRST_OF_GROUP[group + 1]; c++) {
+    ROLLED for (unsigned group = 0; group < 3; group++)
+        ROLLED for (unsigned c = FIRST_OF_GROUP[group]; c < FIRST_OF_GROUP[group + 1]; c++) {
             Component own = {f, group, c};
             bits += bits_of_share(f.changed_count[group], [&](unsigned at) { return own.low_size(at) + own.sign_size(at); });
         }
@@ -311,15 +315,14 @@ static __device__ unsigned late_bits_of_differences(const Frame &f)
 
 static __device__ void read_late_differences(Frame &f, Run &run, Shared &shared)
 {
-    for (unsigned n = threadIdx.x; n < 8 * f.before; n += blockDim.x)
-        f.differences[n] = 0;
+    in_turn(8 * f.before, [&](unsigned n) { f.differences[n] = 0; });
     __syncthreads();
-    for (unsigned group = 0; group < 3; group++)
-        for (unsigned c = FIRST_OF_GROUP[group]; c < FIRST_OF_GROUP[group + 1]; c++) {
+    ROLLED for (unsigned group = 0; group < 3; group++)
+        ROLLED for (unsigned c = FIRST_OF_GROUP[group]; c < FIRST_OF_GROUP[group + 1]; c++) {
             Component own = {f, group, c};
             unsigned count = f.changed_count[group];
             Share share = share_of(count);
-            for (unsigned at = share.first; at < share.end; at++)
+            ROLLED for (unsigned at = share.first; at < share.end; at++)
                 own.difference(at) = magnitude_of(own.class_at(at), 0) + own.one_more(at);
             read_raw(run, shared.lanes, count, [&](unsigned at) { return own.low_size(at); },
                      [&](unsigned at, unsigned low) { own.difference(at) += low; });
@@ -336,15 +339,16 @@ static __device__ void read_halves(Frame &f, Run &run, Shared &shared, const Tab
     int size = half_size(f.halvings, halving);
     unsigned halving_code = shared.halving_codes[halving];
     const Part *part = f.part[halving % 2];
-    unsigned asked = choose(f.parts, f.asked, [&](unsigned n) { return second_half(part[n], axis, size, inside) > 0; });
+    unsigned *list = f.asked, *first = f.first;
+    unsigned asked = choose(f.parts, list, [&](unsigned n) { return second_half(part[n], axis, size, inside) > 0; });
     if (threadIdx.x == 0)
         f.asked_count = asked;
     __syncthreads();
     decode_symbols(run, shared.lanes, asked, [&](unsigned i, unsigned slot) {
-        unsigned n = f.asked[i], splats = part[n].splats;
+        unsigned n = list[i], splats = part[n].splats;
         Distribution d = half_density(tables, splats, size, second_half(part[n], axis, size, inside), halving_code);
         Symbol symbol = symbol_of_density(tables, d, slot);
-        f.first[n] = symbol.value << low_bits_of_half(splats);
+        first[n] = symbol.value << low_bits_of_half(splats);
         return symbol;
     });
 }
@@ -353,10 +357,11 @@ static __device__ void read_half_bits(Frame &f, Run &run, Shared &shared, unsign
 {
     int axis = halving % 2, inside = cells_inside(f.width, f.height, axis);
     const Part *part = f.part[halving % 2];
-    read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[f.asked[i]].splats); },
-             [&](unsigned i, unsigned low) { f.first[f.asked[i]] += low; });
+    unsigned *list = f.asked, *first = f.first;
+    read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[list[i]].splats); },
+             [&](unsigned i, unsigned low) { first[list[i]] += low; });
     unsigned parts = split_parts(part, f.parts, axis, half_size(f.halvings, halving), inside, f.part[1 - halving % 2],
-                                 [&](unsigned n) { return f.first[n]; });
+                                 [&](unsigned n) { return first[n]; });
     if (threadIdx.x == 0)
         f.parts = parts;
     __syncthreads();
@@ -366,34 +371,36 @@ static __device__ void read_half_bits(Frame &f, Run &run, Shared &shared, unsign
 static __device__ void make_frequencies(Frame &f, Shared &shared, const Tables &tables)
 {
     const Plane *planes = shared.planes;
-    for (unsigned at = threadIdx.x; at < 3 * CLASSES; at += blockDim.x) {
+    in_turn(3 * CLASSES, [&](unsigned at) {
         unsigned k = at / CLASSES, j = at % CLASSES;
         const Plane &plane = planes[3 + k];
         int step = k == 2 ? shear_step(j) : size_step(j), centre = 64 * plane.centre + 16 * plane.slope * (int)j;
         shared.windows[k][j] = window_density(tables, centre, step, plane.family, plane.scale_code);
-    }
-    for (unsigned at = threadIdx.x; at < (1 + 2 * MAGNITUDES) * (MAGNITUDES + 1); at += blockDim.x) {
+    });
+    in_turn((1 + 2 * MAGNITUDES) * (MAGNITUDES + 1), [&](unsigned at) {
         unsigned table = at / (MAGNITUDES + 1), i = at % (MAGNITUDES + 1);
         const Plane &plane = planes[table == 0 ? 0 : table <= MAGNITUDES ? 1 : 2];
         int q = table == 0 ? 0 : (table - 1) % MAGNITUDES;
         Distribution d = magnitude_density(plane.family, plane.scale_code, plane.centre + (plane.slope * q >> 2));
         f.magnitudes[at] = cumulative_at(tables, d, i);
-    }
+    });
     __syncthreads();
-    for (unsigned at = threadIdx.x; at < 3 * CLASSES * WINDOW_MOST; at += blockDim.x) {
+    in_turn(3 * CLASSES * WINDOW_MOST, [&](unsigned at) {
         unsigned window = at / WINDOW_MOST, i = at % WINDOW_MOST;
         const Distribution &d = (&shared.windows[0][0])[window].bins;
         if (i <= d.bins)
             f.windows[at] = cumulative_at(tables, d, i);
-    }
+    });
     __syncthreads();
 }
 
 static __device__ void read_luma(Frame &f, Run &run, Shared &shared)
 {
+    const unsigned short *C = f.magnitudes;
+    unsigned char *classes = f.color_classes;
     decode_symbols(run, shared.lanes, f.count, [&](unsigned i, unsigned slot) {
-        Symbol symbol = symbol_of_table(f.magnitudes, MAGNITUDES, slot);
-        f.color_classes[i] = symbol.value;
+        Symbol symbol = symbol_of_table(C, MAGNITUDES, slot);
+        classes[i] = symbol.value;
         return symbol;
     });
 }
@@ -401,11 +408,14 @@ static __device__ void read_luma(Frame &f, Run &run, Shared &shared)
 /* All k1, then all k2. */
 static __device__ void read_chroma(Frame &f, Run &run, Shared &shared)
 {
-    decode_symbols(run, shared.lanes, 2 * f.count, [&](unsigned i, unsigned slot) {
-        bool second = i >= f.count;
-        unsigned luma = f.color_classes[second ? i - f.count : i], table = 1 + luma + (second ? MAGNITUDES : 0);
-        Symbol symbol = symbol_of_table(f.magnitudes + table * (MAGNITUDES + 1), MAGNITUDES, slot);
-        f.color_classes[f.count + i] = symbol.value;
+    unsigned count = f.count;
+    const unsigned short *C = f.magnitudes;
+    unsigned char *classes = f.color_classes;
+    decode_symbols(run, shared.lanes, 2 * count, [&](unsigned i, unsigned slot) {
+        bool second = i >= count;
+        unsigned luma = classes[second ? i - count : i], table = 1 + luma + (second ? MAGNITUDES : 0);
+        Symbol symbol = symbol_of_table(C + table * (MAGNITUDES + 1), MAGNITUDES, slot);
+        classes[count + i] = symbol.value;
         return symbol;
     });
 }
@@ -416,7 +426,7 @@ static __device__ void read_color_bits(Frame &f, Run &run, Shared &shared, unsig
     const unsigned char *classes = f.color_classes + first;
     int *colors = f.colors + first;
     Share own = share_of(end - first);
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         colors[i] = magnitude_of(classes[i], 0);
     read_raw(run, shared.lanes, end - first, [&](unsigned i) { return bits_of_class(classes[i]); },
              [&](unsigned i, unsigned low) { colors[i] += low; });
@@ -430,19 +440,23 @@ static __device__ __forceinline__ const Window &window_of(const Frame &f, const 
 /* All sizes, all aspects, all shears. */
 static __device__ void read_shapes(Frame &f, Run &run, Shared &shared)
 {
-    for (unsigned n = threadIdx.x; n < f.count; n += blockDim.x) {
+    in_turn(f.count, [&](unsigned n) {
         int color[3];
         for (int c = 0; c < 3; c++)
             color[c] = coded_color(f.colors[c * f.count + n], f.D);
         f.splat_classes[n] = splat_class(color, f.D);
-    }
+    });
     __syncthreads();
-    decode_symbols(run, shared.lanes, 3 * f.count, [&](unsigned i, unsigned slot) {
-        unsigned component = (i >= f.count) + (i >= 2 * f.count), n = i - component * f.count;
-        const Window &window = window_of(f, shared, component, n);
-        const unsigned short *C = f.windows + (component * CLASSES + f.splat_classes[n]) * WINDOW_MOST;
+    unsigned count = f.count;
+    const unsigned short *windows = f.windows;
+    const unsigned char *classes = f.splat_classes;
+    int *shapes = f.shapes;
+    decode_symbols(run, shared.lanes, 3 * count, [&](unsigned i, unsigned slot) {
+        unsigned component = (i >= count) + (i >= 2 * count), n = i - component * count, j = classes[n];
+        const Window &window = shared.windows[component][j];
+        const unsigned short *C = windows + (component * CLASSES + j) * WINDOW_MOST;
         Symbol symbol = symbol_of_table(C, window.bins.bins, slot);
-        f.shapes[i] = (window.first + (int)symbol.value) * (1 << window.low_bits);
+        shapes[i] = (window.first + (int)symbol.value) * (1 << window.low_bits);
         return symbol;
     });
 }
@@ -466,8 +480,7 @@ static __device__ void read_late_codes(Frame &f, Run &run, Shared &shared)
              [&](unsigned i, unsigned negative) { f.colors[i] *= negative ? -1 : 1; });
     read_raw(run, shared.lanes, f.count, [&](unsigned n) { return window_of(f, shared, 2, n).low_bits; },
              [&](unsigned n, unsigned low) { f.shapes[2 * f.count + n] += low; });
-    for (unsigned i = threadIdx.x; i < 2 * f.count; i += blockDim.x)
-        f.places[i] = 0;
+    in_turn(2 * f.count, [&](unsigned i) { f.places[i] = 0; });
     __syncthreads();
     read_raw(run, shared.lanes, 2 * f.count, [&](unsigned i) { return place_bits(f, i); },
              [&](unsigned i, unsigned place) { f.places[i] = place; });
@@ -479,28 +492,28 @@ static __device__ void read_late_codes(Frame &f, Run &run, Shared &shared)
 static __device__ void begin_late(Run &run, Shared &shared, unsigned late)
 {
     unsigned carried = min(run.lanes, late / 16), end = run.at + late - 16 * carried, size = (end + 7) / 8;
-    for (unsigned lane = threadIdx.x; lane < run.lanes; lane += blockDim.x) {
+    in_turn(run.lanes, [&](unsigned lane) {
         unsigned x = shared.lanes.states[lane];
         if (lane < carried ? x >= 2 * LOWEST_STATE : x != LOWEST_STATE)
             atomicMin(&shared.wrong_lane, lane);
-    }
+    });
     __syncthreads();
     if (threadIdx.x == 0) {
         Lanes &lanes = shared.lanes;
         unsigned last = run.groups - 1;
         bool words = lanes.taken[last] <= lanes.ends[last + 1];
-        for (unsigned group = 0; group < last; group++)
+        ROLLED for (unsigned group = 0; group < last; group++)
             words = words && lanes.taken[group] == lanes.ends[group + 1];
         if (!words)
             refuse(shared.status, R_7_1, 8 * shared.first_word);
         if (shared.wrong_lane < run.lanes)
             refuse(shared.status, R_7_1, 8 * (shared.text_at + 4 * shared.wrong_lane));
-        if (2 * lanes.taken[last] + size != run.size || (end % 8 > 0 && run.text[run.size - size] >> end % 8))
-            refuse(shared.status, R_7_1, 8 * (shared.first_word + run.size) - 8);
+        if (2 * lanes.taken[last] + size != run.raw.size || (end % 8 > 0 && run.raw.text[run.raw.size - size] >> end % 8))
+            refuse(shared.status, R_7_1, 8 * (shared.first_word + run.raw.size) - 8);
     }
     __syncthreads();
-    run.carried = 16 * carried;
-    run.early = run.at;
+    run.raw.carried = 16 * carried;
+    run.raw.early = run.at;
     run.at = 0;
 }
 
@@ -509,7 +522,7 @@ static __device__ void read_passes(Frame &f, Run &run, Shared &shared, const Tab
 {
     bool predicted = f.before > 0, adds = f.count > 0;
     unsigned passes = max(predicted ? 6u : 0u, adds ? f.halvings + 3 : 0u);
-    for (run.pass = 1; run.pass <= passes; run.pass++) {
+    ROLLED for (run.pass = 1; run.pass <= passes; run.pass++) {
         unsigned pass = run.pass;
         run.place = 0;
         if (predicted && pass <= 2 && own_field)
@@ -553,10 +566,10 @@ static __device__ unsigned stay(Frame &f, const Tables &tables, const State *sta
 {
     Share own = share_of(f.before);
     unsigned there = 0;
-    for (unsigned n = own.first; n < own.end; n++)
+    ROLLED for (unsigned n = own.first; n < own.end; n++)
         there += f.modes[n] != REMOVED;
     uint2 found = sum_before(there);
-    for (unsigned n = own.first; n < own.end; n++) {
+    ROLLED for (unsigned n = own.first; n < own.end; n++) {
         if (f.modes[n] == REMOVED)
             continue;
         int q[8];
@@ -570,7 +583,7 @@ static __device__ unsigned stay(Frame &f, const Tables &tables, const State *sta
 
 static __device__ void add_splats(Frame &f, State *after, unsigned char *past, unsigned char mark)
 {
-    for (unsigned n = threadIdx.x; n < f.count; n += blockDim.x) {
+    in_turn(f.count, [&](unsigned n) {
         int cell[2] = {(int)(f.cells[n] & 0xFFFF), (int)(f.cells[n] >> 16)}, color[3], shape[3], place[2];
         for (int c = 0; c < 3; c++) {
             color[c] = f.colors[c * f.count + n];
@@ -580,7 +593,7 @@ static __device__ void add_splats(Frame &f, State *after, unsigned char *past, u
             place[axis] = f.places[axis * f.count + n];
         after[n] = intra_state(cell, color, shape, place, f.D);
         past[n] = mark;
-    }
+    });
 }
 
 /* The next piece of the workspace. */
@@ -610,7 +623,7 @@ static __device__ void begin_frame(Frame &f, const Told &told, const Status &sta
     f.vector_classes = taken<unsigned char>(workspace, field->columns * field->rows);
     f.motion = taken<int2>(workspace, f.before);
     f.contexts = taken<unsigned char>(workspace, f.before);
-    for (int group = 0; group < 3; group++)
+    ROLLED for (int group = 0; group < 3; group++)
         f.changed[group] = taken<unsigned>(workspace, f.before);
     for (int c = 0; c < 8; c++)
         f.classes[c] = taken<unsigned char>(workspace, f.before);
@@ -631,24 +644,24 @@ static __device__ void begin_frame(Frame &f, const Told &told, const Status &sta
 /* R-6.2-2: each thread has the remainder of its bytes, times x to the number of bits behind them. */
 static __device__ void compare_checksum(const unsigned char *text, unsigned size, Shared &shared)
 {
-    for (unsigned byte = threadIdx.x; byte < 256; byte += blockDim.x) {
+    in_turn(256, [&](unsigned byte) {
         unsigned value = byte;
-        for (int bit = 0; bit < 8; bit++)
+        ROLLED for (int bit = 0; bit < 8; bit++)
             value = shifted(value);
         shared.crc_table[byte] = value;
-    }
+    });
     if (threadIdx.x == 0) {
         shared.crc = 0;
         shared.crc_powers[0] = X_TO_8;
-        for (int k = 1; k < 32; k++)
+        ROLLED for (int k = 1; k < 32; k++)
             shared.crc_powers[k] = crc_product(shared.crc_powers[k - 1], shared.crc_powers[k - 1]);
     }
     __syncthreads();
     Share own = share_of(size);
     unsigned remainder = own.first == 0 ? 0xFFFFFFFFu : 0, behind = size - own.end;
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         remainder = remainder >> 8 ^ shared.crc_table[(remainder ^ text[i]) & 0xFF];
-    for (int k = 0; behind >> k != 0; k++)
+    ROLLED for (int k = 0; behind >> k != 0; k++)
         if (behind >> k & 1)
             remainder = crc_product(remainder, shared.crc_powers[k]);
     if (own.first < own.end)
@@ -679,13 +692,13 @@ static __device__ void read_elements(const unsigned char *text, const Told &told
     if (status.rule != SOUND || status.new_count + layer.count == 0)
         return;
     unsigned lanes = 1u << status.lane_exponent;
-    for (unsigned lane = threadIdx.x; lane < lanes; lane += blockDim.x) {
+    in_turn(lanes, [&](unsigned lane) {
         const unsigned char *own = text + shared.text_at + 4 * lane;
         unsigned x = own[0] | own[1] << 8 | own[2] << 16 | (unsigned)own[3] << 24;
         shared.lanes.states[lane] = x;
         if (x < LOWEST_STATE)
             atomicMin(&shared.wrong_lane, lane);
-    }
+    });
     __syncthreads();
     if (threadIdx.x == 0) {
         if (shared.wrong_lane < lanes)
@@ -704,8 +717,7 @@ static __device__ void read_run(const Told &told, const Tables &tables, const La
 {
     Frame &f = shared.frame;
     if (f.before > 0)
-        for (unsigned row = threadIdx.x; row < ROWS; row += blockDim.x)
-            context_frequencies(layer.counts[row], symbols_of(row), shared.cumulative[row]);
+        in_turn(ROWS, [&](unsigned row) { context_frequencies(layer.counts[row], symbols_of(row), shared.cumulative[row]); });
     if (f.count > 0) {
         if (threadIdx.x == 0)
             f.part[0][0] = {0, f.count};
@@ -729,10 +741,11 @@ static __device__ void read_run(const Told &told, const Tables &tables, const La
         add_splats(f, states_after + staying, past_after + staying, told.intra ? 0 : 2);
     }
     __syncthreads();
-    for (int k = 0; k < 2; k++) {
+    ROLLED for (int k = 0; k < 2; k++) {
         unsigned long long work = 0;
-        for (unsigned n = threadIdx.x; n < staying + f.count; n += blockDim.x)
+        in_turn(staying + f.count, [&](unsigned n) {
             work += work_of(tables, states_after[n], f.width, f.height, k * told.halvings);
+        });
         atomicAdd(&shared.status.works[k], work);
     }
     if (threadIdx.x == 0) {
@@ -756,12 +769,9 @@ read_body(const unsigned char *text, Told told, const Tables *tables, const Laye
         shared.status.before = layer->count;
         shared.wrong_lane = MOST_LANES;
     }
-    for (unsigned at = threadIdx.x; at < ROWS * SYMBOLS; at += blockDim.x)
-        (&shared.seen[0][0])[at] = 0;
-    for (unsigned at = threadIdx.x; at < 6; at += blockDim.x)
-        shared.planes[at] = layer->planes[at];
-    for (unsigned at = threadIdx.x; at < 32; at += blockDim.x)
-        shared.halving_codes[at] = layer->halving_codes[at];
+    in_turn(ROWS * SYMBOLS, [&](unsigned at) { (&shared.seen[0][0])[at] = 0; });
+    in_turn(6, [&](unsigned at) { shared.planes[at] = layer->planes[at]; });
+    in_turn(32, [&](unsigned at) { shared.halving_codes[at] = layer->halving_codes[at]; });
     __syncthreads();
     if (told.checked > 0)
         compare_checksum(text, told.checked, shared);
@@ -775,15 +785,15 @@ read_body(const unsigned char *text, Told told, const Tables *tables, const Laye
     __syncthreads();
     if (found.rule == SOUND && found.new_count + found.before > 0) {
         unsigned lanes = 1u << found.lane_exponent;
-        Run run = {text + shared.first_word, told.end - shared.first_word, lanes, max(1u, lanes / GROUP), 0, 0, 0, 0, 0, 0, trace};
+        RawBits raw = {text + shared.first_word, told.end - shared.first_word, 0, 0};
+        Run run = {raw, lanes, max(1u, lanes / GROUP), 0, 0, 0, 0, trace};
         read_run(told, *tables, *layer, states, past, states_after, past_after, run, shared);
     }
-    for (unsigned row = threadIdx.x; row < ROWS; row += blockDim.x)
+    in_turn(ROWS, [&](unsigned row) {
         adapt_context(layer->counts[row], shared.seen[row], symbols_of(row), layer_after->counts[row]);
-    for (unsigned at = threadIdx.x; at < 6; at += blockDim.x)
-        layer_after->planes[at] = shared.planes[at];
-    for (unsigned at = threadIdx.x; at < 32; at += blockDim.x)
-        layer_after->halving_codes[at] = shared.halving_codes[at];
+    });
+    in_turn(6, [&](unsigned at) { layer_after->planes[at] = shared.planes[at]; });
+    in_turn(32, [&](unsigned at) { layer_after->halving_codes[at] = shared.halving_codes[at]; });
     if (threadIdx.x == 0) {
         for (int k = 0; k < 2; k++)
             if (found.works[k] > told.work_limits[k])

@@ -37,12 +37,12 @@ __device__ unsigned split_parts(const Part *parts, unsigned count, int axis, int
 {
     Share own = share_of(count);
     unsigned there = 0;
-    for (unsigned n = own.first; n < own.end; n++) {
+    ROLLED for (unsigned n = own.first; n < own.end; n++) {
         unsigned k = second_half(parts[n], axis, size, inside) > 0 ? min(first(n), parts[n].splats) : parts[n].splats;
         there += (k > 0) + (k < parts[n].splats);
     }
     uint2 found = sum_before(there);
-    for (unsigned n = own.first; n < own.end; n++) {
+    ROLLED for (unsigned n = own.first; n < own.end; n++) {
         Part part = parts[n];
         unsigned k = second_half(part, axis, size, inside) > 0 ? min(first(n), part.splats) : part.splats;
         if (k > 0)
@@ -59,11 +59,11 @@ static __device__ void locate_splats(const Part *parts, unsigned count, unsigned
 {
     Share own = share_of(count);
     unsigned splats = 0;
-    for (unsigned n = own.first; n < own.end; n++)
+    ROLLED for (unsigned n = own.first; n < own.end; n++)
         splats += parts[n].splats;
     unsigned at = sum_before(splats).x;
-    for (unsigned n = own.first; n < own.end; n++)
-        for (unsigned k = 0; k < parts[n].splats; k++)
+    ROLLED for (unsigned n = own.first; n < own.end; n++)
+        ROLLED for (unsigned k = 0; k < parts[n].splats; k++)
             cells[at++] = parts[n].cell;
     __syncthreads();
 }
@@ -74,17 +74,17 @@ static __device__ void locate_splats(const Part *parts, unsigned count, unsigned
 static __device__ void add_up_vectors(int2 *vectors, int columns, int rows)
 {
     if (threadIdx.x == 0)
-        for (int row = 1; row < rows; row++) {
+        ROLLED for (int row = 1; row < rows; row++) {
             int2 &vector = vectors[row * columns], above = vectors[(row - 1) * columns];
             vector = make_int2(vector.x + above.x, vector.y + above.y);
         }
     __syncthreads();
-    for (int row = threadIdx.x; row < rows; row += blockDim.x) {
+    in_turn(rows, [&](unsigned row) {
         int2 sum = make_int2(0, 0);
-        for (int cell = row * columns; cell < (row + 1) * columns; cell++) {
+        ROLLED for (int cell = row * columns; cell < (row + 1) * columns; cell++) {
             sum = make_int2(sum.x + vectors[cell].x, sum.y + vectors[cell].y);
             vectors[cell] = make_int2(((sum.x + 32768) & 65535) - 32768, ((sum.y + 32768) & 65535) - 32768);
         }
-    }
+    });
     __syncthreads();
 }

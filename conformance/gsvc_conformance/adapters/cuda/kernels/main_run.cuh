@@ -22,14 +22,19 @@ struct Lanes {
     unsigned ends[MOST_LANES / GROUP + 1];  /* the first word of each group, and the one after the last */
 };
 
-/* A place in the run; all threads have the same. */
-struct Run {
+/* Words and raw bits. */
+struct RawBits {
     const unsigned char *text;              /* from the first word to the end of the payload */
     unsigned size;                          /* bytes of it */
+    unsigned carried, early;                /* late bits in the final states; early bits before the others; or 0 and 0 */
+};
+
+/* A place in the run; all threads have the same. */
+struct Run {
+    RawBits raw;
     unsigned lanes, groups;
     unsigned pass, place, decoded;          /* the number of the pass; how many symbols it had; how many all had */
     unsigned at;                            /* the next raw bit, of the early ones or of the late ones */
-    unsigned carried, early;                /* late bits in the final states; early bits before the others; or 0 and 0 */
     ushort4 *trace;                         /* what each symbol was: c(s), f(s), pass and lane; or null */
 };
 
@@ -37,16 +42,16 @@ static __device__ __forceinline__ unsigned word_at(const Run &run, const Lanes &
 {
     if (word >= lanes.ends[group + 1])
         return 0;                           /* a fault, which is found at the end */
-    return run.text[2 * word] | run.text[2 * word + 1] << 8;
+    return run.raw.text[2 * word] | run.raw.text[2 * word + 1] << 8;
 }
 
 /* The next symbols of a pass: `read(i, slot)` finds symbol i and keeps what it says. */
 template <class Read> __device__ void decode_symbols(Run &run, Lanes &lanes, unsigned count, Read read)
 {
     unsigned of_group = threadIdx.x % GROUP, first_round = run.place / run.lanes, end = run.place + count;
-    for (unsigned group = threadIdx.x / GROUP; group < run.groups; group += blockDim.x / GROUP) {
+    ROLLED for (unsigned group = threadIdx.x / GROUP; group < run.groups; group += blockDim.x / GROUP) {
         unsigned lane = group * GROUP + of_group, x = lane < run.lanes ? lanes.states[lane] : 0, word = lanes.taken[group];
-        for (unsigned round = first_round; round * run.lanes < end; round++) {
+        ROLLED for (unsigned round = first_round; round * run.lanes < end; round++) {
             unsigned i = round * run.lanes + lane - run.place;      /* of a symbol that was in front of these it is huge */
             bool needs_word = false;
             if (lane < run.lanes && i < count) {
@@ -74,25 +79,25 @@ template <class Read> __device__ void decode_symbols(Run &run, Lanes &lanes, uns
 }
 
 /* At least 25 bits of the string of raw bits, which goes from the end of the payload toward its start. */
-static __device__ __forceinline__ unsigned string_bits(const Run &run, unsigned at)
+static __device__ __forceinline__ unsigned string_bits(const RawBits &raw, unsigned at)
 {
     unsigned first = at / 8, bits = 0;
     for (unsigned k = 0; k < 4; k++)
-        if (first + k < run.size)
-            bits |= (unsigned)run.text[run.size - 1 - first - k] << 8 * k;
+        if (first + k < raw.size)
+            bits |= (unsigned)raw.text[raw.size - 1 - first - k] << 8 * k;
     return bits >> at % 8;
 }
 
 /* A raw value. Late ones begin in the final states of the lanes, 16 bits each. */
-static __device__ unsigned raw_value(const Run &run, const Lanes &lanes, unsigned at, unsigned size)
+static __device__ __noinline__ unsigned raw_value(RawBits raw, const unsigned *states, unsigned at, unsigned size)
 {
     unsigned value = 0;
-    for (unsigned have = 0; have < size; at += 16 - at % 16) {
-        if (at >= run.carried) {
-            value |= string_bits(run, run.early + at - run.carried) << have;
+    ROLLED for (unsigned have = 0; have < size; at += 16 - at % 16) {
+        if (at >= raw.carried) {
+            value |= string_bits(raw, raw.early + at - raw.carried) << have;
             break;
         }
-        value |= ((lanes.states[at / 16] & 0xFFFF) >> at % 16) << have;
+        value |= ((states[at / 16] & 0xFFFF) >> at % 16) << have;
         have += 16 - at % 16;
     }
     return value & ((1u << size) - 1);
@@ -104,14 +109,14 @@ __device__ void read_raw(Run &run, const Lanes &lanes, unsigned count, Size size
 {
     Share own = share_of(count);
     unsigned bits = 0;
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         bits += size(i);
     uint2 sum = sum_before(bits);
     unsigned at = run.at + sum.x;
-    for (unsigned i = own.first; i < own.end; i++) {
+    ROLLED for (unsigned i = own.first; i < own.end; i++) {
         unsigned own_size = size(i);
         if (own_size > 0)
-            take(i, raw_value(run, lanes, at, own_size));
+            take(i, raw_value(run.raw, lanes.states, at, own_size));
         at += own_size;
     }
     run.at += sum.y;
@@ -123,7 +128,7 @@ template <class Size> __device__ unsigned bits_of_share(unsigned count, Size siz
 {
     Share own = share_of(count);
     unsigned bits = 0;
-    for (unsigned i = own.first; i < own.end; i++)
+    ROLLED for (unsigned i = own.first; i < own.end; i++)
         bits += size(i);
     return bits;
 }

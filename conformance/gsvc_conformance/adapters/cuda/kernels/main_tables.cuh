@@ -141,12 +141,12 @@ static __device__ __forceinline__ unsigned symbols_of(unsigned row)
 template <class Number> __device__ void context_frequencies(const unsigned *counts, unsigned symbols, Number *C)
 {
     unsigned sum = 0, kept = 0, missing = TOTAL, most = 0, greatest = 0, before = 0;
-    for (unsigned s = 0; s < symbols; s++)
+    ROLLED for (unsigned s = 0; s < symbols; s++)
         sum += counts[s];
     unsigned shift = max(0, (int)bit_length(sum) - 17);
-    for (unsigned s = 0; s < symbols; s++)
+    ROLLED for (unsigned s = 0; s < symbols; s++)
         kept += counts[s] >> shift;
-    for (unsigned s = 0; s < symbols; s++) {
+    ROLLED for (unsigned s = 0; s < symbols; s++) {
         unsigned f = 1 + (TOTAL - symbols) * (counts[s] >> shift) / kept;
         missing -= f;
         if (f > greatest) {
@@ -154,7 +154,7 @@ template <class Number> __device__ void context_frequencies(const unsigned *coun
             greatest = f;
         }
     }
-    for (unsigned s = 0; s <= symbols; s++) {
+    ROLLED for (unsigned s = 0; s <= symbols; s++) {
         C[s] = before;
         before += s < symbols ? 1 + (TOTAL - symbols) * (counts[s] >> shift) / kept + (s == most ? missing : 0) : 0;
     }
@@ -164,9 +164,9 @@ template <class Number> __device__ void context_frequencies(const unsigned *coun
 static __device__ void adapt_context(const unsigned *counts, const unsigned *seen, unsigned symbols, unsigned *after)
 {
     unsigned used = 0;
-    for (unsigned s = 0; s < symbols; s++)
+    ROLLED for (unsigned s = 0; s < symbols; s++)
         used |= seen[s];
-    for (unsigned s = 0; s < symbols; s++)
+    ROLLED for (unsigned s = 0; s < symbols; s++)
         after[s] = used ? counts[s] - ((counts[s] + 7) >> 3) + 64 * seen[s] : counts[s];
 }
 
@@ -174,7 +174,7 @@ static __device__ void adapt_context(const unsigned *counts, const unsigned *see
 static __device__ __forceinline__ Symbol symbol_of_density(const Tables &tables, const Distribution &d, unsigned slot)
 {
     unsigned low = 0, high = d.bins, start = 0, end = TOTAL;
-    while (high - low > 1) {
+    ROLLED while (high - low > 1) {
         unsigned middle = (low + high) / 2, value = cumulative_at(tables, d, middle);
         if (value <= slot) {
             low = middle;

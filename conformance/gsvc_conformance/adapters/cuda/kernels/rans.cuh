@@ -2,7 +2,7 @@
 
 #pragma once
 
-#include "common.cuh"
+#include "blocks.cuh"
 
 #define LOWEST_STATE 0x10000u
 
@@ -14,7 +14,7 @@ struct Symbol {
 template <class Number> __device__ __forceinline__ Symbol symbol_of_table(const Number *C, unsigned bins, unsigned slot)
 {
     unsigned low = 0, high = bins;          /* C[low] <= slot < C[high] */
-    while (high - low > 1) {
+    ROLLED while (high - low > 1) {
         unsigned middle = (low + high) / 2;
         if (C[middle] <= slot)
             low = middle;
