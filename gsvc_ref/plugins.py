@@ -181,8 +181,8 @@ def check_device(name: str) -> None:
     if name != CPU and name not in devices():
         from gsvc_base.errors import UsageError
 
-        there = ", ".join((CPU, *devices()))
-        raise UsageError(f"there is no device {name!r}, only {there}; cuda needs pip install 'gsvc-conformance[cuda]'")
+        more = "" if "cuda" in devices() else "; cuda comes with pip install 'gsvc-conformance[cuda]'"
+        raise UsageError(f"there is no device {name!r}, only {', '.join((CPU, *devices()))}{more}")
 
 
 @cache

@@ -1,9 +1,8 @@
 """What computes the loss of splats and its gradient: the CPU, or a device that another package offers."""
 
 from collections.abc import Callable
-from functools import wraps
 from types import SimpleNamespace
-from typing import ParamSpec, Protocol, TypeVar, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from gsvc_ref.rendering.fast.tile_pictures import to_tiles
 from gsvc_ref.rendering.fast.tiles import EMPTY
 from gsvc_ref.rendering.losses import total_loss
 from gsvc_ref.rendering.precision import Precision, check_precision
-
-P = ParamSpec("P")
-R = TypeVar("R")
 
 
 class Evaluator(Protocol):
@@ -37,7 +33,7 @@ class Evaluator(Protocol):
         """The loss and its gradient (N, 8) f4 by the splats alone (R-10.2-1); `drawn`: `picture` will follow."""
 
     def loss(self, splats: F4, *, drawn: bool) -> float:
-        """The loss alone, with the same bits."""
+        """The loss alone."""
 
     def picture(self) -> F4:
         """A new array: the picture (H, W, 3) f4, clamped to [0, 1], of the splats evaluated last (none before)."""
@@ -64,11 +60,10 @@ def check_device(device: str, precision: Precision) -> None:
         raise UsageError(f"precision deterministic computes on the CPU: leave out device {device}, or the precision")
 
 
-def _explained(device: str, call: Callable[P, R]) -> Callable[P, R]:
+def _explained(device: str, call: Callable[..., Any]) -> Callable[..., Any]:
     """A call whose RuntimeErrors become UsageErrors: an encode that they end keeps the frames done so far."""
 
-    @wraps(call)
-    def explained(*arguments: P.args, **named: P.kwargs) -> R:
+    def explained(*arguments: Any, **named: Any) -> Any:
         try:
             return call(*arguments, **named)
         except RuntimeError as error:
@@ -106,7 +101,7 @@ class CpuEvaluator:
         return self._loss(splats, LOSS_AND_GRADIENTS, drawn), self._rasterizer.gradients(2 / (height * width))  # (10-2)
 
     def loss(self, splats: F4, *, drawn: bool) -> float:
-        """As `Evaluator.loss`, in about 40 % of the time of `evaluate`."""
+        """As `Evaluator.loss`: the same bits as `evaluate` returns, in about 40 % of its time."""
         return self._loss(splats, LOSS, drawn)
 
     def picture(self) -> F4:

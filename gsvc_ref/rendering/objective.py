@@ -97,7 +97,7 @@ class Objective:
         self._moving = None
 
     def loss(self, parameters: ArrayLike, *, drawn: bool = False) -> float:
-        """The loss alone: the same bits as `evaluate` returns, in less time; `drawn` is as there."""
+        """The loss alone, in less time than `evaluate` takes; `drawn` is as there."""
         return self._evaluator.loss(self._moved(parameters), drawn=drawn)
 
     def picture(self) -> F4:

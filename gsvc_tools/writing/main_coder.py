@@ -127,7 +127,7 @@ class _Frame:
         splats = Splats.from_array(frame.parameters)
         self.shown = encoder.renderer.frame(splats, self.bit_depth)  # (H, W, 3) u1 or u2
         picture: F4 = encoder.renderer.picture(splats)
-        self.target = Target(picture, None, self.settings.threads, self.settings.precision)
+        self.target = Target(picture, **self.settings.computing)
         self.codable = _checked(codable(frame.parameters, self.width, self.height), number)
         # (n,): where each splat that stays stands in the state before, and in this frame
         self.old, self.rows = _same(coder.ids, frame.ids, self.codable)

@@ -93,9 +93,7 @@ class SplatCoder:
         check_level(frame.parameters, number, self.width, self.height, self.level)
         with seconds.timed("start"):
             given = Splats.from_array(frame.parameters)
-            objective = Objective(
-                self._renderer.picture(given), self.settings.threads, precision=self.settings.precision
-            )
+            objective = Objective(self._renderer.picture(given), **self.settings.computing)
         with seconds.timed("quantize"):
             coded, reason = self._coded(frame, frame_type, number, objective)
         with seconds.timed("check"):

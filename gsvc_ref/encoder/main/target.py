@@ -9,7 +9,7 @@ change (as after `Walk.append`). The last evaluations belong to the full size.
 """
 
 from collections.abc import Sequence
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -80,8 +80,8 @@ class Target:
     def __init__(self, picture: F4, base: F4 | None = None, **how: Any) -> None:
         self.height, self.width = picture.shape[:2]
         self.base_count = 0 if base is None else len(base)
-        self._picture, self._objective = picture, partial(Objective, **how)
-        self._whole = Reduced(self._objective(picture, background=base), picture, 1)
+        self._picture, self._how = picture, how
+        self._whole = Reduced(Objective(picture, background=base, **how), picture, 1)
         self._size, self._sizes = self._whole, {1: self._whole}  # by step, each made when it is first asked for
         self._scale = self.height * self.width * SQUARE_OF_8_BITS
 
@@ -104,7 +104,7 @@ class Target:
         step = 1 if splats is None or self.base_count else step_for(self.width, self.height, splats)
         if step not in self._sizes:
             small = block_means(self._picture, step)
-            self._sizes[step] = Reduced(self._objective(small), small, step)
+            self._sizes[step] = Reduced(Objective(small, **self._how), small, step)
         before, self._size = self._size, self._sizes[step]
         return self._size is not before
 

@@ -15,6 +15,7 @@ main_operations.cu. A frame is two launches: a warp for each splat sets its bit 
 touches, and a warp for each tile of 8 x 16 pixels (8 x 32 for gradients) adds up the splats of its list. Nothing is
 sorted, a list is in the order of the splats, and a pixel is written once. `rendering.Scene` and `evaluation.Evaluation`
 are the same for callers whose pictures and gradients stay on the device.
+`fitting.Evaluator` is what ``gsvc encode --device cuda`` asks for losses and gradients.
 
 `decoder.Decoder` makes pictures of the bytes of a stream of profile `main` without waiting for the device: read_body,
 one block, reads a frame, from the bits of its head to the states of its splats, and finds its faults; a warp decodes

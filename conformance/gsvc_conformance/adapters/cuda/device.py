@@ -83,6 +83,13 @@ def upload(array: Any, dtype: Any) -> Buffer:
     return machine().upload(values) if values.nbytes else storage(1)
 
 
+def write(buffer: Buffer, array: Any, dtype: Any) -> None:
+    """Let a buffer begin with an array, as elements of a type, in the order of launches."""
+    values = np.ascontiguousarray(array, dtype)
+    if values.nbytes:
+        machine().write(buffer, values)
+
+
 def address(buffer: Buffer) -> int:
     """Where a buffer is on the device, for a pointer inside of a structure."""
     return int(machine().address(buffer))

@@ -71,7 +71,7 @@ class Evaluation:
 
         Whoever keeps the buffers and the number of splats has the launches of an evaluation recorded and replayed.
         """
-        key = address(parameters), count, gradients, None if picture is None else address(picture)
+        key = count, gradients, *(one if one is None else address(one) for one in (parameters, picture, self.base))
         if self._recorded is None or self._recorded[0] != key:
             self._recorded = key, replay(lambda: self.start(parameters, count, gradients=gradients, picture=picture))
         else:

@@ -32,6 +32,11 @@ def upload(values: Array) -> Array:
     return np.frombuffer(bytearray(values.tobytes()), np.uint8)
 
 
+def write(buffer: Array, values: Array) -> None:
+    """Let a buffer begin with the bytes of an array."""
+    buffer[: values.nbytes] = values.reshape(-1).view(np.uint8)
+
+
 def download(buffer: Array, size: int) -> Array:
     """The first bytes of a buffer."""
     return buffer[:size].copy()

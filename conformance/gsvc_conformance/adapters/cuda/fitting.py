@@ -6,19 +6,15 @@ An evaluation takes the parameters of the splats to the device and their gradien
 nothing else. All sums have a fixed order, so a fit has the same bytes in every run on the same card.
 """
 
-import math
 from typing import Final
 
 import numpy as np
 
-from gsvc_conformance.adapters.cuda.device import Buffer, Floats, download, launch, storage, upload
-from gsvc_conformance.adapters.cuda.rendering import WARPS, Scene
+from gsvc_conformance.adapters.cuda.device import Buffer, Floats, download, storage, upload, write
+from gsvc_conformance.adapters.cuda.evaluation import Evaluation
 
 ROOM: Final = 1.25
-"""Space for more splats and slots than there are: both change from step to step."""
-
-TOLD: Final = np.dtype([("loss", "f8"), ("slots_needed", "f8")])
-"""What `add_losses` of gradients.cu tells; the gradients stand after it, so that both come in one copy."""
+"""Space for more splats than there are: their number changes from step to step."""
 
 
 class Evaluator:
@@ -38,74 +34,64 @@ class Evaluator:
     """
 
     def __init__(self, target: Floats, background: Floats) -> None:
-        self._shape, self._pixels = target.shape, target.shape[0] * target.shape[1]
-        self._target, self._none = upload(target, "f4"), upload(background[:0], "f4")
-        self._splats, self._count, self._is_drawn = self._none, 0, False
-        self._scene = self._new_scene(len(background), 1)
-        self._tiles = WARPS * self._scene.blocks[0] * self._scene.blocks[1]
-        self._losses, self._picture = storage(8 * self._tiles), storage(target.nbytes)
-        self._background: Buffer | None = None  # the sums that every picture begins with, without the splats held,
-        self._base: Buffer | None = None  # and with them
-        if len(background):
-            self.hold(background)
-            self._background = self._base
+        self._shape, self._target, self._picture = target.shape, upload(target, "f4"), storage(target.nbytes)
+        self._is_drawn = False  # whether `_picture` has the splats evaluated last
+        # What every sum begins with: that of the background, and one with the splats held as well.
+        self._background: Buffer | None = None
+        self._held: Buffer | None = None
+        self._base: Buffer | None = None  # which of the two, or none
+        self._make_room(len(background))
+        self.hold(background)
+        self._background, self._held = self._base, None
 
     def hold(self, splats: Floats) -> None:
         """From now on these splats, (n, 8) f4, are in every picture, in place of those held before."""
         self._base = self._background
         if len(splats):
             self._load(splats)
-            self._base = storage(4 * 3 * self._pixels)
-            self._scene.sum(self._base, self._background)
-        self._splats, self._count, self._is_drawn = self._none, 0, False
+            self._held = storage(self._picture.size) if self._held is None else self._held
+            self._sum(self._held, self._background)
+            self._base = self._held
+        self._evaluation.base, self._count, self._is_drawn = self._base, 0, False
 
     def evaluate(self, splats: Floats, *, drawn: bool) -> tuple[float, Floats]:
         """The loss and its gradient, (N, 8) f4: R-10.2-1 and R-10.3-1; `drawn` keeps the picture."""
-        self._load(splats)
-        result = storage(TOLD.itemsize + splats.nbytes)
-        self._draw("loss_and_gradients", self._scene.moments, drawn=drawn)
-        self._scene.gradients(self._splats, self._count, 2 / self._pixels, result[TOLD.itemsize :])  # (10-2)
-        told, gradients = self._told(result, splats.shape)
-        if told["slots_needed"] > self._scene.slots:  # there was no room: again, with some
-            self._scene = self._new_scene(self._scene.most_splats, int(ROOM * told["slots_needed"]))
-            return self.evaluate(splats, drawn=drawn)
-        return float(told["loss"]), gradients
+        loss = self._loss(splats, drawn, gradients=True)
+        return loss, download(self._evaluation.gradients, splats.shape, "f4")
 
     def loss(self, splats: Floats, *, drawn: bool) -> float:
         """The loss alone."""
-        self._load(splats)
-        self._draw("loss_of_splats", drawn=drawn)
-        return float(self._told(storage(TOLD.itemsize), (0,))[0]["loss"])
+        return self._loss(splats, drawn, gradients=False)
 
     def picture(self) -> Floats:
         """The picture of the splats evaluated last, (H, W, 3) f4, clamped to [0, 1]."""
         if not self._is_drawn:
-            self._scene.fill(self._splats, self._count)
-            self._scene.sum(self._picture, self._base)
+            self._sum(self._picture, self._base)
             self._is_drawn = True
         sums = download(self._picture, self._shape, "f4")
         return np.fmin(np.fmax(sums, 0, out=sums), 1, out=sums)
 
-    def _new_scene(self, most_splats: int, slots: int) -> Scene:
-        height, width, _ = self._shape
-        return Scene(width, height, most_splats, slots=slots)
-
-    def _load(self, splats: Floats) -> None:
-        """Bring splats to the device, and list them."""
-        self._splats, self._count = upload(splats, "f4"), len(splats)
-        if self._count > self._scene.most_splats:
-            self._scene = self._new_scene(int(ROOM * self._count), self._scene.slots)
-        self._scene.fill(self._splats, self._count)
-
-    def _draw(self, kernel: str, *moments: Buffer, drawn: bool) -> None:
-        """Start a kernel that compares the picture with the target, and draws it if it will be wanted."""
+    def _loss(self, splats: Floats, drawn: bool, *, gradients: bool) -> float:
+        self._load(splats)
         self._is_drawn = drawn
         picture = self._picture if drawn else None
-        self._scene.draw(kernel, self._base, self._target, self._losses, *moments, picture)
+        return self._evaluation.evaluate(self._splats, self._count, gradients=gradients, picture=picture)
 
-    def _told(self, into: Buffer, shape: tuple[int, ...]) -> tuple[np.void, Floats]:
-        """Add up the losses of tiles, and bring them here with the gradients that stand after them."""
-        where = self._losses, self._tiles, np.float64(1 / self._pixels), self._scene.slots_needed
-        launch("add_losses", 1, 256, *where, into)
-        result = download(into, (TOLD.itemsize + 4 * math.prod(shape),), "u1")
-        return result[: TOLD.itemsize].view(TOLD)[0], result[TOLD.itemsize :].view("f4").reshape(shape)
+    def _sum(self, into: Buffer, base: Buffer | None) -> None:
+        """The sum of the splats loaded last on top of another."""
+        self._evaluation.scene.fill(self._splats, self._count)
+        self._evaluation.scene.sum(into, base)
+
+    def _load(self, splats: Floats) -> None:
+        """Bring splats to the device."""
+        self._count = len(splats)
+        if self._count > self._evaluation.scene.most_splats:
+            self._make_room(self._count)
+        write(self._splats, splats, "f4")
+
+    def _make_room(self, splats: int) -> None:
+        """Take other buffers, for so many splats and some more."""
+        height, width, _ = self._shape
+        most = max(int(ROOM * splats), 1)
+        self._splats = storage(32 * most)
+        self._evaluation = Evaluation(self._target, width, height, most, base=self._base)

@@ -84,6 +84,12 @@ def upload(values: Array) -> cupy.ndarray:
     return buffer
 
 
+def write(buffer: cupy.ndarray, values: Array) -> None:
+    """Let a buffer begin with the bytes of an array."""
+    with explaining():
+        buffer[: values.nbytes].set(values.reshape(-1).view(np.uint8))
+
+
 def download(buffer: cupy.ndarray, size: int) -> Array:
     """The first bytes of a buffer."""
     with explaining():
