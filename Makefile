@@ -77,8 +77,8 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.toml
 	-PYTHONPATH=tests/adapters $(BIN)/gsvc-conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
-	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds) \
-		$$(ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
+	$(BIN)/gsvc-conformance compare $$(LC_ALL=C ls docs/reports/*.json | grep -v /speeds) \
+		$$(LC_ALL=C ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 
 gpu: .venv/.ready-test,adapters,peers,cuda            ## judge and measure what runs on this machine's GPU; writes docs/reports/ (ONLY: these parts)
 	$(BIN)/python -m gsvc_lab.benchmarks.gpu $(ONLY:%=--only %)

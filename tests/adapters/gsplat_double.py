@@ -210,8 +210,8 @@ class Rasterize(torch.autograd.Function):
 
 
 def sum_of_product(a, b, c, fused):
-    """a b + c in binary32; fused, the product is not rounded."""
-    return (a.double() * b.double() + c.double()).float() if fused else a * b + c
+    """a b + c; fused, the product is not rounded."""
+    return (a.double() * b.double() + c.double()).to(a.dtype) if fused else a * b + c
 
 
 def squared_form(conics, delta):

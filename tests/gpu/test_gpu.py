@@ -323,11 +323,22 @@ def test_a_bundle_runs_where_it_is_unpacked(tmp_path):
     with tarfile.open(archive) as packed:
         packed.extractall(tmp_path, filter="data")
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    words = ["--cpu", "--work", str(tmp_path / "work"), "--seconds", "900"]
+    environment["PYTHON"] = sys.executable
+    tree, words = (
+        tmp_path / "gsvc-gpu",
+        ["--cpu", "--work", tmp_path / "work", "--only", "cuda", "--only", "speeds-cuda"],
+    )
     run = subprocess.run(
-        [tmp_path / "gsvc-gpu/tests/gpu/run.sh", *words],
-        env={**environment, "PYTHON": sys.executable}, capture_output=True, text=True, check=False, timeout=900,
-    )  # fmt: skip
+        [tree / "tests/gpu/run.sh", *words], env=environment, capture_output=True, text=True, check=False, timeout=300
+    )
     assert run.returncode == 0, run.stdout + run.stderr
     assert f"commit: {survey.commit()}" in run.stdout
     assert (tmp_path / "work" / "reports" / "gpu").is_dir()
+    modules = [path.stem for path in (tree / "gsvc_lab/benchmarks/gpu").glob("[a-z]*.py")]
+    imports = f"from gsvc_lab.benchmarks.gpu import {', '.join(modules)}; import importlib.metadata as m"
+    code = f"{imports}; print([one.value for one in m.entry_points(group='gsvc_ref.devices')])"
+    words = [sys.executable, "-c", code]
+    run = subprocess.run(
+        words, cwd=tree, env={**environment, "PYTHONPATH": "conformance"}, capture_output=True, text=True
+    )
+    assert "gsvc_conformance.adapters.cuda.fitting:Evaluator" in run.stdout, run.stderr
