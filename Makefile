@@ -81,7 +81,7 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 		$$(LC_ALL=C ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 
 gpu: .venv/.ready-test,adapters,peers,cuda            ## judge and measure what runs on this machine's GPU; writes docs/reports/ (ONLY: these parts)
-	$(BIN)/python -m gsvc_lab.benchmarks.gpu $(ONLY:%=--only %)
+	$(BIN)/python -m tests.gpu $(ONLY:%=--only %)
 	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds) \
 		$$(ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 

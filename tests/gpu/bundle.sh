@@ -39,9 +39,9 @@ END
 git describe --always --dirty --exclude='*' --abbrev=8 >"$tree/COMMIT"
 
 if [ -z "${BARE:-}" ]; then
-    "$PYTHON" -m gsvc_lab.benchmarks.gpu.golden
+    "$PYTHON" -m tests.gpu.golden
     mkdir "$tree/gsvc_lab/benchmarks/cache" "$tree/wheels" "$tree/lib"
-    cp $("$PYTHON" -m gsvc_lab.benchmarks.gpu.golden --list) "$tree/gsvc_lab/benchmarks/cache"
+    cp $("$PYTHON" -m tests.gpu.golden --list) "$tree/gsvc_lab/benchmarks/cache"
     "$PYTHON" -m pip download --quiet --disable-pip-version-check --no-deps --only-binary=:all: --implementation cp \
         --python-version "${PYTHON_VERSION:-3.12}" --platform manylinux_2_28_x86_64 --platform manylinux_2_17_x86_64 \
         --platform manylinux2014_x86_64 --dest "$tree/wheels" $PACKAGES

@@ -18,4 +18,4 @@ for library in lib/*; do
     [ ! -e "$library" ] || ldconfig -p | grep -q "${library##*/} " || ln -sf "$PWD/$library" missing/
 done
 export LD_LIBRARY_PATH="$PWD/missing${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
-exec "$PYTHON" -m gsvc_lab.benchmarks.gpu "$@"
+exec "$PYTHON" -m tests.gpu "$@"

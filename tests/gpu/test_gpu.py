@@ -13,21 +13,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT))
-pytest.importorskip("gsvc_lab.benchmarks.gpu", reason="gsvc_lab.benchmarks is only in a checkout")
+from gsvc_base.pages.markers import replaced
+from gsvc_conformance.adapters.cuda.device import Launch
+from tests.gpu import golden, page, results, sanitized, sums, survey
+from tests.gpu.__main__ import main
+from tests.gpu.advice import advice
+from tests.gpu.golden import BLOCK, digest, made
+from tests.gpu.outcome import Outcome, Record
+from tests.gpu.parts import Part, sums_told
+from tests.gpu.running import results_of
+from tests.gpu.speeds import KINDS, measured, timeline, wall
+from tests.gpu.splats import SMALL, drawn
 
-from gsvc_base.pages.markers import replaced  # noqa: E402
-from gsvc_conformance.adapters.cuda.device import Launch  # noqa: E402
-from gsvc_lab.benchmarks.gpu import golden, page, results, sanitized, sums, survey  # noqa: E402
-from gsvc_lab.benchmarks.gpu.__main__ import main  # noqa: E402
-from gsvc_lab.benchmarks.gpu.advice import advice  # noqa: E402
-from gsvc_lab.benchmarks.gpu.golden import BLOCK, digest, made  # noqa: E402
-from gsvc_lab.benchmarks.gpu.outcome import Outcome, Record  # noqa: E402
-from gsvc_lab.benchmarks.gpu.parts import Part, sums_told  # noqa: E402
-from gsvc_lab.benchmarks.gpu.running import results_of  # noqa: E402
-from gsvc_lab.benchmarks.gpu.speeds import KINDS, measured, timeline, wall  # noqa: E402
-from gsvc_lab.benchmarks.gpu.splats import SMALL, drawn  # noqa: E402
+ROOT = Path(__file__).parents[2]
 
 RENDERER = """
 import numpy as np
@@ -162,7 +160,7 @@ def test_a_failure_is_a_sentence_that_says_what_to_do(log, code, sentence):
 
 def test_without_a_gpu_the_command_says_so(tmp_path, monkeypatch, capsys):
     nothing = survey.Survey("", "", {}, {}, {}, {"cuda": "CUDA finds no GPU: see whether `nvidia-smi` lists one"})
-    monkeypatch.setattr("gsvc_lab.benchmarks.gpu.__main__.surveyed", lambda *_, **__: nothing)
+    monkeypatch.setattr("tests.gpu.__main__.surveyed", lambda *_, **__: nothing)
     assert main(["--work", str(tmp_path)]) == 2
     printed = capsys.readouterr()
     assert "cuda is left out: CUDA finds no GPU" in printed.out
@@ -299,7 +297,7 @@ def test_the_page_is_that_of_the_reports(tmp_path, monkeypatch):
     monkeypatch.setattr(page, "DOCUMENT", document)
     monkeypatch.setattr(page, "TIMELINE", drawing)
     page.write_page(ROOT / "docs" / "reports")
-    made_again = "python -m gsvc_lab.benchmarks.gpu.page"
+    made_again = "python -m tests.gpu.page"
     assert document.read_text() == (ROOT / "docs" / "gpu.md").read_text(), made_again
     assert drawing.read_text() == (ROOT / "docs" / "gpu-frame.svg").read_text(), made_again
 
@@ -334,8 +332,8 @@ def test_a_bundle_runs_where_it_is_unpacked(tmp_path):
     assert run.returncode == 0, run.stdout + run.stderr
     assert f"commit: {survey.commit()}" in run.stdout
     assert (tmp_path / "work" / "reports" / "gpu").is_dir()
-    modules = [path.stem for path in (tree / "gsvc_lab/benchmarks/gpu").glob("[a-z]*.py")]
-    imports = f"from gsvc_lab.benchmarks.gpu import {', '.join(modules)}; import importlib.metadata as m"
+    modules = [path.stem for path in (tree / "tests/gpu").glob("*.py") if not path.stem.startswith(("test_", "__"))]
+    imports = f"from tests.gpu import {', '.join(modules)}; import importlib.metadata as m"
     code = f"{imports}; print([one.value for one in m.entry_points(group='gsvc_ref.devices')])"
     words = [sys.executable, "-c", code]
     run = subprocess.run(

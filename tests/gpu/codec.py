@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.codec``: whole ways by CUDA, from a stream to pictures and back.
+"""``python -m tests.gpu.codec``: whole ways by CUDA, from a stream to pictures and back.
 
 The clock on the wall measures, since both ways need the processor, too. Pictures stay on the device. The result has the
 form of the file that `gsvc_lab.benchmarks.adapters` writes.
@@ -17,13 +17,13 @@ from typing import Any, Final
 import numpy as np
 
 import gsvc_ref
-from gsvc_lab.benchmarks.gpu.outcome import Record
-from gsvc_lab.benchmarks.gpu.speeds import noting
-from gsvc_lab.benchmarks.gpu.splats import SMALL, STREAM, TRAINED, Scene
 from gsvc_lab.benchmarks.material import PAN, SEED, picture, stream
 from gsvc_lab.benchmarks.timing import Spread
 from gsvc_ref import Settings
 from gsvc_ref.video import ColorDescription, VideoFormat
+from tests.gpu.outcome import Record
+from tests.gpu.speeds import noting
+from tests.gpu.splats import SMALL, STREAM, TRAINED, Scene
 
 MODULE: Final = "gsvc_conformance.adapters.cuda"
 COPIES: Final = 16
@@ -99,7 +99,7 @@ def main(words: Sequence[str] | None = None) -> None:
     """Measure and keep the numbers."""
     from gsvc_tools.editing import concat
 
-    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.codec", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.gpu.codec", description=__doc__)
     parser.add_argument("--small", action="store_true", help="a small picture and stream")
     parser.add_argument("--processor", action="store_true", help="do no more than encode on the processor")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the numbers go")

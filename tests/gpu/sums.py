@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.sums MODULE``: hold deterministic sums against those of the CPU, to the byte.
+"""``python -m tests.gpu.sums MODULE``: hold deterministic sums against those of the CPU, to the byte.
 
 The implementation renders the scenes, decodes a stream, and renders the draws in blocks; the digests have to be those
 that gsvc_ref had.
@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gsvc_base.arrays import F4
-from gsvc_lab.benchmarks.gpu.golden import BLOCK, GOLDEN, Render, block_sums, coded, digest, made
-from gsvc_lab.benchmarks.gpu.outcome import Record
-from gsvc_lab.benchmarks.gpu.splats import DRAWS, SMALL, TRAINED, Scene
-from gsvc_lab.benchmarks.gpu.survey import ROOT
 from gsvc_ref import decode_stream_deterministic, render_sum_deterministic
+from tests.gpu.golden import BLOCK, GOLDEN, Render, block_sums, coded, digest, made
+from tests.gpu.outcome import Record
+from tests.gpu.splats import DRAWS, SMALL, TRAINED, Scene
+from tests.gpu.survey import ROOT
 
 VECTOR: Final = ROOT / "vectors/core/decode_stream_deterministic/main_pictures_of_a_group/stream.gsvc"
 """A small stream."""
@@ -107,7 +107,7 @@ def compared(
 
 def main(words: Sequence[str] | None = None) -> None:
     """Compare and keep what was found."""
-    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.sums", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.gpu.sums", description=__doc__)
     parser.add_argument("module", help="as for `gsvc-conformance run --module`")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the result goes")
     parser.add_argument("--golden", type=Path, default=GOLDEN, metavar="FILE", help="digests of the CPU")

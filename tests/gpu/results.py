@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.files import write_text
-from gsvc_lab.benchmarks.gpu.outcome import Outcome
-from gsvc_lab.benchmarks.gpu.survey import ADAPTERS, Survey
+from tests.gpu.outcome import Outcome
+from tests.gpu.survey import ADAPTERS, Survey
 
 FORM: Final = "gpu/1"
 MEASURED: Final = ("measured", "stopped", "failed")

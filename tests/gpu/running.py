@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import Any, Final
 
 from gsvc_base.processors import processors
-from gsvc_lab.benchmarks.gpu.advice import advice
-from gsvc_lab.benchmarks.gpu.outcome import Outcome, State
-from gsvc_lab.benchmarks.gpu.parts import Part
-from gsvc_lab.benchmarks.gpu.survey import ROOT
+from tests.gpu.advice import advice
+from tests.gpu.outcome import Outcome, State
+from tests.gpu.parts import Part
+from tests.gpu.survey import ROOT
 
 GRACE: Final = 5.0
 """Seconds that a process has to write what it found, when it is told to end, and then to die."""

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Final
 
 from gsvc_base.processors import processors
-from gsvc_lab.benchmarks.gpu.advice import advice
-from gsvc_lab.benchmarks.gpu.splats import DRAWS
 from gsvc_lab.machine import cpu_model
+from tests.gpu.advice import advice
+from tests.gpu.splats import DRAWS
 
-ROOT: Final = Path(__file__).parents[3]
+ROOT: Final = Path(__file__).parents[2]
 PATIENCE: Final = 100
 """Seconds for one answer or for one part."""
 

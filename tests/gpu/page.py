@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.page``: write the measured tables and the time line of docs/gpu.md.
+"""``python -m tests.gpu.page``: write the measured tables and the time line of docs/gpu.md.
 
 It reads docs/reports: the files of `results`, and those of speeds beside them.
 """
@@ -11,14 +11,14 @@ from typing import Any, Final
 from gsvc_base.files import write_text
 from gsvc_base.pages.markers import put_between
 from gsvc_base.pages.tables import markdown_table
-from gsvc_lab.benchmarks.gpu.results import CARDS
-from gsvc_lab.benchmarks.gpu.speeds import KINDS
-from gsvc_lab.benchmarks.gpu.survey import ROOT
-from gsvc_lab.benchmarks.gpu.timeline import drawing
+from tests.gpu.results import CARDS
+from tests.gpu.speeds import KINDS
+from tests.gpu.survey import ROOT
+from tests.gpu.timeline import drawing
 
 DOCUMENT: Final = ROOT / "docs" / "gpu.md"
 TIMELINE: Final = ROOT / "docs" / "gpu-frame.svg"
-BEGIN: Final = "<!-- begin: gsvc_lab.benchmarks.gpu -->"
+BEGIN: Final = "<!-- begin: tests.gpu -->"
 END: Final = "<!-- end -->"
 EMPTY: Final = "–"
 

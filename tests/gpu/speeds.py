@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.speeds NAME``: pictures and evaluations of one implementation, nothing copied.
+"""``python -m tests.gpu.speeds NAME``: pictures and evaluations of one implementation, nothing copied.
 
 Splats, pictures and gradients stay on the device. Where there is CUDA its events measure, elsewhere the clock on the
 wall, from the first of several calls to the end of the last. The result has the form of the file that
@@ -19,9 +19,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from gsvc_lab.benchmarks.gpu.outcome import Record
-from gsvc_lab.benchmarks.gpu.splats import SMALL, STREAM, TRAINED, Scene
 from gsvc_lab.benchmarks.timing import Spread
+from tests.gpu.outcome import Record
+from tests.gpu.splats import SMALL, STREAM, TRAINED, Scene
 
 KINDS: Final = {
     "picture": "picture, f4 sums, bounded",
@@ -300,7 +300,7 @@ def measure(name: str, scenes: Sequence[Scene], record: Record) -> bool:
 
 def main(words: Sequence[str] | None = None) -> None:
     """Measure one implementation."""
-    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.speeds", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.gpu.speeds", description=__doc__)
     parser.add_argument("name", choices=BENCHES)
     parser.add_argument("--small", action="store_true", help="a small scene instead of the trained ones")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the numbers go")

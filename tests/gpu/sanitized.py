@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.sanitized TOOL``: the CUDA kernels under compute-sanitizer, on a few vectors.
+"""``python -m tests.gpu.sanitized TOOL``: the CUDA kernels under compute-sanitizer, on a few vectors.
 
 With --planted the kernels are compiled with a race in them (GSVC_CUDA_PLANTED_RACE), which racecheck has to report:
 else it would prove nothing that it reports none without.
@@ -13,9 +13,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
-from gsvc_lab.benchmarks.gpu.advice import advice
-from gsvc_lab.benchmarks.gpu.outcome import Record
-from gsvc_lab.benchmarks.gpu.survey import tool
+from tests.gpu.advice import advice
+from tests.gpu.outcome import Record
+from tests.gpu.survey import tool
 
 CASES: Final = (
     "core/render_sum/many_splats_101",
@@ -33,7 +33,7 @@ SUMMARY: Final = re.compile(r"=+ (?:RACECHECK|ERROR) SUMMARY: (\d+) (?:hazard|er
 
 def main(words: Sequence[str] | None = None) -> None:
     """Run the tool and count what it reports."""
-    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.sanitized", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.gpu.sanitized", description=__doc__)
     parser.add_argument("tool", choices=("racecheck", "memcheck"))
     parser.add_argument("--planted", action="store_true", help="with a race in the kernels")
     parser.add_argument("--json", type=Path, required=True, metavar="FILE", help="where the result goes")

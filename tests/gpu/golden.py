@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu.golden``: what gsvc_ref makes of the splats on the CPU, as digests to pack.
+"""``python -m tests.gpu.golden``: what gsvc_ref makes of the splats on the CPU, as digests to pack.
 
 The file is
 
@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 
 from gsvc_base.arrays import F4
 from gsvc_base.files import write_text
-from gsvc_lab.benchmarks.gpu.splats import DRAWS, STREAM, TRAINED, Scene, drawn
 from gsvc_lab.benchmarks.material import CACHE, stream, trained_path
 from gsvc_ref import decode_stream_deterministic, render_sum_deterministic
+from tests.gpu.splats import DRAWS, STREAM, TRAINED, Scene, drawn
 
 GOLDEN: Final = CACHE / "golden.json"
 BLOCK: Final = 100
@@ -78,7 +78,7 @@ def material() -> list[Path]:
 
 def main(words: Sequence[str] | None = None) -> None:
     """Make what is missing."""
-    parser = argparse.ArgumentParser(prog="python -m gsvc_lab.benchmarks.gpu.golden", description=__doc__)
+    parser = argparse.ArgumentParser(prog="python -m tests.gpu.golden", description=__doc__)
     parser.add_argument("--json", type=Path, default=GOLDEN, metavar="FILE", help="where the digests go")
     parser.add_argument("--draws", type=int, default=DRAWS, metavar="N", help=f"random sets of splats ({DRAWS:,})")
     parser.add_argument("--list", action="store_true", help="name the files that this makes, and that measuring needs")

@@ -10,9 +10,9 @@ from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.report.json import read
 from gsvc_conformance.results import Report
-from gsvc_lab.benchmarks.gpu.outcome import State
-from gsvc_lab.benchmarks.gpu.sanitized import CASES
-from gsvc_lab.benchmarks.gpu.survey import PATIENCE, Adapter, Survey, tool
+from tests.gpu.outcome import State
+from tests.gpu.sanitized import CASES
+from tests.gpu.survey import PATIENCE, Adapter, Survey, tool
 
 Told = tuple[State, str]
 """What became of a part, and a sentence about it."""
@@ -156,7 +156,7 @@ class Plan:
 
     def sums(self, adapter: Adapter) -> Part:
         """The comparison of deterministic sums."""
-        words = ["-m", "gsvc_lab.benchmarks.gpu.sums", adapter.module]
+        words = ["-m", "tests.gpu.sums", adapter.module]
         if self.cpu:
             words += ["--small", "--draws", "100", "--golden", str(self.folder / "golden.json")]
         else:
@@ -166,7 +166,7 @@ class Plan:
 
     def sanitizer(self, name: str, *, planted: bool = False) -> Part:
         """The kernels under a tool of compute-sanitizer."""
-        words = ("-m", "gsvc_lab.benchmarks.gpu.sanitized", name, *(("--planted",) if planted else ()), "--json")
+        words = ("-m", "tests.gpu.sanitized", name, *(("--planted",) if planted else ()), "--json")
         missing = "" if tool("compute-sanitizer") else "compute-sanitizer is not there: install the CUDA toolkit"
         if "compute_capability" not in self.survey.answers.get("cuda", {}):
             missing = "the CUDA adapter does not run on a GPU here"
@@ -177,7 +177,7 @@ class Plan:
     def compiling(self) -> list[Part]:
         """What gsvc_ref compiles once and keeps, so that no part that measures time has to wait for it."""
         works = ("-m", "gsvc_lab.benchmarks.adapters", "gsvc_ref", "--seconds", "0", "--json")
-        ways = ("-m", "gsvc_lab.benchmarks.gpu.codec", "--small", "--processor", "--json")
+        ways = ("-m", "tests.gpu.codec", "--small", "--processor", "--json")
         return [
             Part("compile-operations", "operations of gsvc_ref, compiled", works, LONG_PATIENCE, compiled_told),
             Part("compile-codec", "encoder of gsvc_ref, compiled", ways, LONG_PATIENCE, compiled_told),
@@ -185,12 +185,12 @@ class Plan:
 
     def speeds(self, adapter: Adapter) -> Part:
         """Pictures and evaluations on the device."""
-        words = ("-m", "gsvc_lab.benchmarks.gpu.speeds", adapter.name, *(("--small",) if self.cpu else ()), "--json")
+        words = ("-m", "tests.gpu.speeds", adapter.name, *(("--small",) if self.cpu else ()), "--json")
         return self._timed(f"speeds-{adapter.name}", f"speeds on the device, {adapter.name}", words, adapter)
 
     def codec(self) -> Part:
         """Whole ways by CUDA."""
-        words = ("-m", "gsvc_lab.benchmarks.gpu.codec", *(("--small",) if self.cpu else ()), "--json")
+        words = ("-m", "tests.gpu.codec", *(("--small",) if self.cpu else ()), "--json")
         return self._timed("codec", "speeds from a stream to pictures and back", words, *self.survey.runs)
 
     def operations(self) -> Part:

@@ -1,4 +1,4 @@
-"""``python -m gsvc_lab.benchmarks.gpu``: judge and measure everything that runs on this machine's GPU, in minutes.
+"""``python -m tests.gpu``: judge and measure everything that runs on this machine's GPU, in minutes.
 
 It says what it found, what it runs, and what it leaves out and why. Then it runs the parts, each a process with a time
 limit, and writes the files of `results` after each. Exit code 0: nothing is wrong; 1: something is wrong, failed or was
@@ -14,14 +14,14 @@ from pathlib import Path
 from typing import Final
 
 from gsvc_base.cli.text import plural
-from gsvc_lab.benchmarks.gpu.golden import GOLDEN, coded, made
-from gsvc_lab.benchmarks.gpu.page import write_page
-from gsvc_lab.benchmarks.gpu.parts import Part, Plan
-from gsvc_lab.benchmarks.gpu.results import Results, summary
-from gsvc_lab.benchmarks.gpu.running import results_of
-from gsvc_lab.benchmarks.gpu.splats import DRAWS, TRAINED
-from gsvc_lab.benchmarks.gpu.survey import ROOT, Survey, surveyed
 from gsvc_lab.benchmarks.material import CACHE
+from tests.gpu.golden import GOLDEN, coded, made
+from tests.gpu.page import write_page
+from tests.gpu.parts import Part, Plan
+from tests.gpu.results import Results, summary
+from tests.gpu.running import results_of
+from tests.gpu.splats import DRAWS, TRAINED
+from tests.gpu.survey import ROOT, Survey, surveyed
 
 REPORTS: Final = ROOT / "docs" / "reports"
 SECONDS: Final = 240
@@ -34,7 +34,7 @@ NO_GPU: Final = (
 def main(words: Sequence[str] | None = None) -> int:
     """Run everything and say how it went."""
     parser = argparse.ArgumentParser(
-        prog="python -m gsvc_lab.benchmarks.gpu",
+        prog="python -m tests.gpu",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
