@@ -67,7 +67,7 @@ class Adapter:
 
 
 ADAPTERS: Final = (
-    Adapter("cuda", "cupy-cuda13x", on_processor={"GSVC_CUDA": "fibers"}),
+    Adapter("cuda", "'gsvc-conformance[cuda]'", on_processor={"GSVC_CUDA": "fibers"}),
     Adapter("opencl", "pyopencl"),
     Adapter("webgpu", "wgpu"),
     Adapter("pytorch", "torch", {"GSVC_TORCH_DEVICE": "cuda"}, {"GSVC_TORCH_DEVICE": "cpu"}, DRAWS // 10, 150),
