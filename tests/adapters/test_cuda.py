@@ -150,7 +150,43 @@ def test_arguments_of_all_kinds_arrive():
 
 
 @pytest.fixture
-def own_kernels(monkeypatch, tmp_path):
+def _caches():
+    """Kernels are looked up and compiled again, now and afterwards."""
+    cached = (sources.kernels, sources.source_of, fibers.library, fibers.function)
+    for function in cached:
+        function.cache_clear()
+    yield
+    for function in cached:
+        function.cache_clear()
+
+
+@pytest.mark.usefixtures("_caches")
+def test_the_order_of_threads_changes_nothing(monkeypatch, wide_scene):
+    parameters, width, height = wide_scene
+    random = np.random.default_rng(3)
+    residual = random.normal(0, 1, (height, width, 3)).astype(np.float32)
+    vectors, books = random.normal(0, 1, (600, 3)).astype(np.float32), random.normal(0, 1, (9, 3)).astype(np.float32)
+
+    def results():
+        indices = cuda.rvq_assign(vectors, [5, 4], books)["indices"]
+        state = np.zeros(9), np.zeros((9, 3)), np.linspace(0, 0.9, 9), 0.8, 1e-5, 30.0
+        yield cuda.render_sum_deterministic(*wide_scene)
+        yield cuda.render_gradients(parameters, residual)
+        yield cuda.loss(residual, residual[::-1])
+        yield cuda.prune(np.repeat(residual[0, :, 0], 2), 100)
+        yield cuda.rvq_update(vectors, indices, [5, 4], books, *state)
+        yield cuda.lsq_gradients(vectors, np.full(3, 0.1), np.full(3, -1), 4, vectors)
+
+    ascending = list(results())
+    monkeypatch.setattr(fibers, "OPTIONS", (*fibers.OPTIONS, "-DDESCENDING"))
+    fibers.library.cache_clear()
+    fibers.function.cache_clear()
+    for result, expected in zip(results(), ascending, strict=True):
+        assert all(result[name].tobytes() == expected[name].tobytes() for name in expected)
+
+
+@pytest.fixture
+def own_kernels(monkeypatch, tmp_path, _caches):
     """own_kernels(text) makes the kernels of a text the only ones."""
 
     def made(text):
@@ -160,12 +196,8 @@ def own_kernels(monkeypatch, tmp_path):
         for module in (sources, fibers):
             monkeypatch.setattr(module, "KERNELS", tmp_path)
         monkeypatch.setattr(sources, "SOURCES", ("own",))
-        for cached in (sources.kernels, sources.source_of, fibers.library, fibers.function):
-            cached.cache_clear()
 
-    yield made
-    for cached in (sources.kernels, sources.source_of, fibers.library, fibers.function):
-        cached.cache_clear()
+    return made
 
 
 def test_fibers_wait_for_each_other(own_kernels):
@@ -278,6 +310,18 @@ def test_errors_say_what_to_do(said, advised):
     sentence = errors.advice(said)
     assert advised in sentence
     assert said in sentence
+
+
+@pytest.mark.skipif(importlib.util.find_spec("cupy") is None, reason="CuPy is one of the extra cuda")
+def test_what_cupy_raises_is_explained():
+    import cupy
+
+    from gsvc_conformance.adapters.cuda import gpu
+
+    with pytest.raises(RuntimeError, match=r"the GPU has no memory left: .*1,000 bytes"), gpu.explaining():
+        raise cupy.cuda.memory.OutOfMemoryError(1000, 2000, 2500)
+    with pytest.raises(RuntimeError, match=r"the watchdog of a display .*cudaErrorLaunchTimeout"), gpu.explaining():
+        raise cupy.cuda.runtime.CUDARuntimeError(702)
 
 
 def test_kernels_are_compiled_once(tmp_path, monkeypatch):

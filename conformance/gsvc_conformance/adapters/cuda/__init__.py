@@ -5,8 +5,8 @@
 
 The first line needs a GPU, its driver and CuPy (pip install 'gsvc-conformance[cuda]'); CUDA_VISIBLE_DEVICES chooses a
 GPU. The second needs a C++ compiler (g++, or the one that CXX names) and no GPU: the same files of kernels are compiled
-with fibers.h, where every thread is a fiber. It is for tests, a thousand times as slow, and sees neither races nor what
-NVIDIA's compiler does. Both keep what they have compiled in the folder gsvc-cuda of the user's cache.
+with fibers.h, where every thread is a fiber. It is for tests: slow, and it sees few races and nothing of what NVIDIA's
+compiler does. Both keep what they have compiled in the folder gsvc-cuda of the user's cache.
 
 The kernels are in `kernels/`, to be read in this order: common.cuh, splats.cuh, lists.cu, tiles.cuh, sums.cuh,
 rendering.cu, gradients.cu; then training.cu and quantization.cu; and for the decoder blocks.cuh, crc.cuh, rans.cuh,
@@ -29,6 +29,9 @@ __fsub_rn or __fdiv_rn besides, which no option fuses; -use_fast_math, and the -
 RawModule add, flush even inside of these, so the host goes to NVRTC itself. The other build fuses, and has the
 exponential of the hardware. There are no atomic additions of float, which flush on NVIDIA, and no sum whose order two
 runs could change: gradients have the same bytes in every run.
+
+Not here are the decisions of training that a host makes from a few numbers (`learning_rates`, `converged`,
+`pruning_plan`, `select_key_frames`), colour conversion and metrics.
 
 Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
 kernel that is launched spills registers.

@@ -1,8 +1,9 @@
 /* CUDA C++ for a CPU: what these kernels use of it, for tests where there is no GPU.
 
    The threads of a block are fibers, one block after the other. A fiber runs until it ends or has to wait for others in a
-   collective operation, and then the next one runs: so whatever a kernel forgot to wait for is seen late or never, as a
-   race is; `compute-sanitizer --tool racecheck` on a GPU finds those. The compiler has to be told that it may fuse nothing. */
+   collective operation, and then the next one runs. With DESCENDING the last block and the last thread come first: a
+   kernel that has forgotten to wait for somebody gives something else in one of both orders. (On a GPU,
+   `compute-sanitizer --tool racecheck` looks for that.) The compiler has to be told that it may fuse nothing. */
 
 #include <setjmp.h>
 #include <sys/mman.h>
@@ -108,10 +109,18 @@ static void resume(int next)
         enter(next);
 }
 
+#ifdef DESCENDING
+static unsigned nth(unsigned n, unsigned of) { return of - 1 - n; }
+static const int STEP = -1;
+#else
+static unsigned nth(unsigned n, unsigned) { return n; }
+static const int STEP = 1;
+#endif
+
 static int after(int fiber)
 {
     do
-        fiber = (fiber + 1) % count;
+        fiber = (fiber + STEP + count) % count;
     while (all[fiber].ended);
     return fiber;
 }
@@ -206,7 +215,7 @@ template <class... A> static int launch(void (*kernel)(A...), const unsigned *si
     for (unsigned z = 0; z < gridDim.z; z++)
         for (unsigned y = 0; y < gridDim.y; y++)
             for (unsigned x = 0; x < gridDim.x; x++) {
-                blockIdx = {x, y, z};
+                blockIdx = {nth(x, gridDim.x), nth(y, gridDim.y), nth(z, gridDim.z)};
                 std::memset(warps.data(), 0, warps.size() * sizeof(Warp));
                 for (int n = 0; n < count; n++) {
                     unsigned u = n;
@@ -219,7 +228,7 @@ template <class... A> static int launch(void (*kernel)(A...), const unsigned *si
                 idle = 0;
                 int came = _setjmp(outside);
                 if (came == 0)
-                    enter(0);
+                    enter(nth(0, count));
                 if (came == 2) {
                     all.clear();            /* their stacks are in the middle of something */
                     return 1;

@@ -157,15 +157,11 @@ grad_splats(Scene scene, const float *parameters, int splat_count, const float *
     }
     sum += __shfl_xor_sync(EVERY_LANE, sum, 8);
     sum += __shfl_xor_sync(EVERY_LANE, sum, 16);
-    double of_u1 = __shfl_sync(EVERY_LANE, sum, 0) / UNIT, of_u2 = __shfl_sync(EVERY_LANE, sum, 1) / UNIT;
-    double of_u1_u1 = __shfl_sync(EVERY_LANE, sum, 2) / ((double)UNIT * UNIT);
-    double of_u1_u2 = __shfl_sync(EVERY_LANE, sum, 3) / ((double)UNIT * UNIT);
-    double of_u2_u2 = __shfl_sync(EVERY_LANE, sum, 4) / ((double)UNIT * UNIT);
-    double l11 = parameters[2], l21 = parameters[3], l22 = parameters[4];
-    double across = l21 / (l11 * l22);
-    double gradient = lane == 0 ? of_u1 / l11 - across * of_u2 : lane == 1 ? of_u2 / l22     /* (13-12) */
-                    : lane == 2 ? of_u1_u1 / l11 - across * of_u1_u2 : lane == 3 ? of_u1_u2 / l22
-                    : lane == 4 ? of_u2_u2 / l22 : sum;                                      /* (10-9) */
+    double next = __shfl_down_sync(EVERY_LANE, sum, 1);
+    double r1 = 1 / (UNIT * (double)parameters[2]), r2 = 1 / (UNIT * (double)parameters[4]);
+    double across = UNIT * r1 * r2 * parameters[3];
+    double gradient = lane == 0 || lane == 2 ? sum * r1 - next * across : lane < 5 ? sum * r2 : sum;    /* (13-12), (10-9) */
+    gradient *= lane >= 2 && lane < 5 ? 1 / (double)UNIT : 1;                           /* a second u */
     if (lane < MOMENTS)
         gradients[8 * (size_t)n + lane] = is_drawn(parameters) ? (float)(scale * gradient) : 0.0f;
 }

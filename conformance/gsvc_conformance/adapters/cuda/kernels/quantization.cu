@@ -190,7 +190,6 @@ static __device__ double reach_of_errors(const float *errors, int count, double 
             reach[n] = carried + before + squares;
         carried += total;
     }
-    __syncthreads();                        /* other threads will read what this one wrote */
     return carried;
 }
 
@@ -209,13 +208,13 @@ rvq_replace_dead(const float *residuals, const int *first, int stages, int count
                 continue;
             if (threadIdx.x == 0)
                 drawn = count - 1;
-            __syncthreads();
+            __syncthreads();                /* `reach` is complete */
             for (int n = threadIdx.x; n < count; n += THREADS)
                 if (reach[n] > uniforms[taken] * whole) {
                     atomicMin(&drawn, n);
                     break;
                 }
-            __syncthreads();                /* all have read counts[b], too */
+            __syncthreads();                /* all are done with `reach` and have read counts[b], too */
             if (threadIdx.x == 0) {
                 float3 vector = read_vector(r, drawn);
                 counts[b] = 1;
@@ -226,7 +225,6 @@ rvq_replace_dead(const float *residuals, const int *first, int stages, int count
             }
             taken++;
         }
-        __syncthreads();                    /* `reach` is written again */
     }
 }
 

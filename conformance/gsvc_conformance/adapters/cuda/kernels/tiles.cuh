@@ -70,7 +70,7 @@ static __device__ __forceinline__ void each_splat(const Scene &scene, const Tile
     int t = threadIdx.x, lane = t % 32, count = 0;
 
     auto use_staged = [&] {
-        __syncthreads();
+        __syncthreads();                    /* nobody is at the splats before these any more */
         if (t < count) {
             Splat s = scene.splats[numbers[t]];
             s.slot = slot_of_block(s, scene);
@@ -90,7 +90,6 @@ static __device__ __forceinline__ void each_splat(const Scene &scene, const Tile
                 add(next);
             }
         }
-        __syncthreads();
     };
 
     size_t region = (size_t)(blockIdx.y * BLOCK / scene.side) * scene.columns + blockIdx.x * BLOCK / scene.side;
