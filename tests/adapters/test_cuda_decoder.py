@@ -9,7 +9,7 @@ from gsvc_base.draws import Draws
 from gsvc_conformance import spec
 from gsvc_conformance.adapters import cuda
 from gsvc_conformance.adapters.cuda import __main__ as command
-from gsvc_conformance.adapters.cuda import decoder, device, main_profile
+from gsvc_conformance.adapters.cuda import decoder, device, fibers, main_profile
 from gsvc_conformance.adapters.cuda.decoder import DEPTH, Decoder, Scene
 from gsvc_conformance.adapters.cuda.main_profile import STATUS
 from gsvc_conformance.cases.main_streams import Plan, main_stream
@@ -109,6 +109,20 @@ def test_the_size_of_the_block_changes_nothing(monkeypatch, threads, lane_expone
     assert _same(cuda.read_main_stream(stream), spec.namespace()["read_main_stream"](stream))
 
 
+def test_the_order_of_threads_changes_nothing(monkeypatch):
+    plans = Plan("I", 150, lane_exponent=6), Plan("P", 40, lane_exponent=5, motion_cell=3, kind="any"), Plan("P", 9)
+    stream = main_stream(Draws(8), *plans, width=150, height=70, max_lane_exponent=6)
+    _threads(monkeypatch, 96)
+    ascending = cuda.read_main_stream(stream)
+    with monkeypatch.context() as patch:
+        patch.setattr(fibers, "OPTIONS", (*fibers.OPTIONS, "-DDESCENDING"))
+        for function in (fibers.library, fibers.function):
+            function.cache_clear()
+        assert _same(cuda.read_main_stream(stream), ascending)
+    for function in (fibers.library, fibers.function):
+        function.cache_clear()
+
+
 def _plain_stream(frames):
     """An I-frame, and P-frames that remove some splats and add others."""
     plans = [Plan("I", 60), *[Plan("P", 9, motion_cell=3, kind="any") for _ in range(frames - 1)]]
@@ -125,6 +139,17 @@ def test_frames_take_the_slots_in_turn_and_the_bound_of_splats_follows_their_num
     last = int(pictures[-1].slot.found["count"])
     assert last <= found._bound.most <= 60 + 9 * frames
     assert found._bound.most == last  # the end confirms all
+
+
+def test_a_room_is_for_one_decoder_after_the_other(without_pictures):
+    first = Decoder(_plain_stream(6))
+    before = [picture.samples().tobytes() for picture in first.pictures()]
+    slots = list(first.room.slots)
+    again = Decoder(_plain_stream(6), room=first.room)
+    assert again.room is first.room
+    assert [picture.samples().tobytes() for picture in again.pictures()] == before
+    assert set(again.room.slots) == set(slots)
+    assert Decoder(_plain_stream(6), exact=True, room=first.room).room is not first.room
 
 
 def test_frames_before_a_fault_stay(without_pictures):

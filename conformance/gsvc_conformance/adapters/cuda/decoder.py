@@ -23,7 +23,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -59,18 +59,15 @@ PACED: Final = 2
 class Slot:
     """What a frame needs on the device, for so many splats and bytes; frames take the slots in turn."""
 
-    def __init__(self, most: int, text_size: int, header: dict[str, int]) -> None:
+    def __init__(self, most: int, text_size: int, frame_size: int) -> None:
         self.most, self.text_size = most, text_size
         self.told_bytes = (ctypes.c_ubyte * TOLD.itemsize)()
-        self.told = np.frombuffer(self.told_bytes, TOLD)[0:1].reshape(())
-        for name in ("width", "height", "max_lane_exponent"):
-            self.told[name] = header[name]
+        self.told = np.frombuffer(memoryview(self.told_bytes), TOLD)[0:1].reshape(())
         self.layer = Layer(most, storage(LAYER.itemsize), storage(32 * most), storage(most))
         self.parameters, self.checksum = storage(32 * most), storage(4)
         self.text, self.text_on_host = storage(text_size), device.pinned(text_size)
         self.status, self.status_on_host = storage(STATUS.itemsize), device.pinned(STATUS.itemsize + 4)
-        samples = 3 * header["width"] * header["height"]
-        self.frame = storage(samples * (1 if header["bit_depth"] == 8 else 2))
+        self.frame = storage(frame_size)
         self.show: Callable[[], None] | None = None
         """It launches what makes a picture of the parameters."""
         self.done: Any = None
@@ -85,6 +82,97 @@ class Slot:
         """The `parameter_checksum` of the frame, once it is done."""
         turned = int(self.status_on_host[STATUS.itemsize :].view(np.uint32)[0])
         return turned ^ 0xFFFFFFFF if self.found["count"] > 0 else 0
+
+
+class Room:
+    """What decoders need on the device: its streams, slots, and arrays that one frame after the other uses.
+
+    One decoder at a time may use it. It grows with what the streams ask for; a decoder that finds it large enough
+    allocates nothing.
+    """
+
+    def __init__(self, header: dict[str, int], *, exact: bool) -> None:
+        self.kind = _kind(header, exact)
+        self.width, self.height, self.bit_depth, self.exact, self.checksums = self.kind
+        self.reading, self.rendering = device.stream(), device.stream()
+        self.slots: deque[Slot | None] = deque([None] * DEPTH)
+        self.cells = field_cells(self.width, self.height)
+        self._field = storage(FIELD_HEAD.itemsize + 8 * self.cells)
+        self._workspace, self._modes, self._differences = storage(1), storage(1), storage(1)
+        self._scene = Scene(self.width, self.height, 0, exact=exact)
+        self._readers: dict[tuple[Slot, Slot | None], tuple[Launch, Launch]] = {}
+        self._tables, self._most, self._text_size = MAIN.tables, 0, 0
+        device.synchronize()  # what was uploaded is there for both streams
+
+    def fits(self, header: dict[str, int], *, exact: bool) -> bool:
+        """Whether it is made for such a stream."""
+        return self.kind == _kind(header, exact)
+
+    def take(self, most: int, text_size: int, before: int, count: int) -> Slot:
+        """The slot that was taken longest ago, or a larger one in its place.
+
+        Parameters
+        ----------
+        most, text_size
+            The splats of the frame, and the bytes of its chunk, at most.
+        before, count
+            The splats of the frame before, and the new ones, at most.
+        """
+        slot = self.slots.popleft()
+        if slot is None or slot.most < most or slot.text_size < text_size:
+            self._most, self._text_size = max(self._most, most + most // 4), max(self._text_size, 2 * text_size)
+            slot = Slot(self._most, self._text_size, 3 * self.width * self.height * (1 if self.bit_depth == 8 else 2))
+            self._readers.clear()
+        self.slots.append(slot)
+        size = workspace_size(before, count, self.cells)
+        if len(self._workspace) < size:
+            self._workspace = storage(2 * size)
+            self._readers.clear()
+        if len(self._differences) < 32 * before:
+            self._modes, self._differences = storage(2 * before), storage(64 * before)
+            self._readers.clear()
+        return slot
+
+    def reader(self, slot: Slot, before: Slot | None) -> tuple[Launch, Launch]:
+        """What reads a frame into a slot, after that of another one, and makes parameters of its states."""
+        made = self._readers.get((slot, before))
+        if made is None:
+            layer, after = before.layer if before else no_splats(), slot.layer
+            made = self._readers[slot, before] = (
+                Launch(
+                    "read_body", 1, reading_threads(), slot.text, slot.told_bytes, self._tables, layer.head,
+                    layer.states, layer.past, None, after.head, after.states, after.past, self._field, self._modes,
+                    self._differences, self._workspace, None, slot.status,
+                ),
+                Launch(
+                    "frame_parameters", groups(slot.most), THREADS, self._tables, after.states, after.head,
+                    np.uint32(slot.most), slot.parameters,
+                ),
+            )  # fmt: skip
+        return made
+
+    def shower(self, slot: Slot) -> Callable[[], None]:
+        """What makes a picture of the parameters in a slot, and their checksum if the stream states it."""
+        if self._scene.most_splats < slot.most:
+            self._scene = Scene(self.width, self.height, slot.most, exact=self.exact)
+        scene, threads = self._scene, groups(8 * slot.most, CHECKSUM_WORDS)
+
+        def show() -> None:
+            if self.checksums:
+                clear(slot.checksum)
+                launch(
+                    "parameter_checksum", groups(threads), THREADS, slot.parameters, slot.layer.head, slot.checksum,
+                    exact=True,
+                )  # fmt: skip
+            scene.fill(slot.parameters, slot.most)
+            scene.frame(slot.frame, self.bit_depth)
+
+        return device.replay(show)
+
+
+def _kind(header: dict[str, int], exact: bool) -> tuple[int, int, int, bool, bool]:
+    checksums = bool(header["flags"] & PARAMETER_CHECKSUM)
+    return header["width"], header["height"], header["bit_depth"], exact, checksums
 
 
 @dataclass(frozen=True)
@@ -168,11 +256,16 @@ class Decoder:
         All of it.
     exact
         Whether frames are rendered as section 9.3 says.
+    room
+        That of a decoder which has decoded all that it will, or none. If the frames are of another size or kind, it
+        is not used.
 
     Attributes
     ----------
     header
         The elements of the sequence header by name.
+    room
+        For another decoder.
 
     Raises
     ------
@@ -182,28 +275,21 @@ class Decoder:
         The stream is of another profile.
     """
 
-    def __init__(self, stream: bytes, *, exact: bool = False) -> None:
+    def __init__(self, stream: bytes, *, exact: bool = False, room: Room | None = None) -> None:
         self._bits, self._state = names()["open_stream"](stream)
         self.header: dict[str, int] = self._state.header
         if self.header["profile"] != names()["MAIN"]:
             raise ValueError("the stream is of profile paper, whose planes the host reads")
         self._bits.of_decoder = self._state.main.decoder = self
         self._bits.chunk = None
-        self.exact = exact
-        self.reading, self.rendering = device.stream(), device.stream()
-        self._slots: deque[Slot | None] = deque([None] * DEPTH)
+        if room is None or not room.fits(self.header, exact=exact):
+            room = Room(self.header, exact=exact)
+        self.room = room
         self._slot: Slot | None = None
         self._bound = Bound()
-        self._readers: dict[tuple[Slot, Slot | None], tuple[Launch, Launch]] = {}
-        self._cells = field_cells(self.header["width"], self.header["height"])
-        self._field = storage(FIELD_HEAD.itemsize + 8 * self._cells)
-        self._workspace, self._modes, self._differences = storage(1), storage(1), storage(1)
-        self._scene = Scene(self.header["width"], self.header["height"], 0, exact=exact)
         self._checks: deque[Check] = deque()
         self._fault: tuple[int, Exception] | None = None
         self._pacing = names()["State"](self.header)
-        self._tables = MAIN.tables
-        device.synchronize()  # what was uploaded is there for both streams
 
     def pictures(self) -> Iterator[Picture]:
         """Each frame as soon as it is launched. A fault of a frame may come with a later one, as late as at the end.
@@ -248,23 +334,25 @@ class Decoder:
         count = new_splats(p.data[at : at + 8], limits["splats"])
         before = None if frame_type == "I" else self._slot
         self._bound.add(self._state.next_number, count, frame_type == "I")
-        with self.reading as stream:
-            slot = self._free_slot(self._bound.most, len(chunk))
-            self._make_room(before.most if before else 0, count)
+        with self.room.reading as stream:
+            self._settle(self.room.slots[0])
+            slot = self.room.take(self._bound.most, len(chunk), before.most if before else 0, count)
             told = slot.told
+            for name in ("width", "height", "max_lane_exponent"):
+                told[name] = self.header[name]
             told["end"] = told["checked"] = len(chunk) - 4
             told["body_at"], told["intra"] = len(chunk) - 4 - len(p.data) + at, frame_type == "I"
             told["splat_limits"], told["halvings"] = (limits["splats"], limits["own_splats"]), self._state.halvings
             told["work_limits"] = self._state.limits["work"], self._state.own["work"]
             slot.text_on_host[: len(chunk)] = np.frombuffer(chunk, np.uint8)
             device.send(slot.text_on_host[: len(chunk)], slot.text)
-            for start in self._reader(slot, before):
+            for start in self.room.reader(slot, before):
                 start()
             read = stream.record()
-        with self.rendering as stream:
+        with self.room.rendering as stream:
             stream.wait_event(read)
             if slot.show is None:
-                slot.show = self._shower(slot)
+                slot.show = self.room.shower(slot)
             slot.show()
             device.fetch(slot.status, slot.status_on_host[: STATUS.itemsize])
             if self.header["flags"] & PARAMETER_CHECKSUM:
@@ -275,16 +363,14 @@ class Decoder:
 
     def complete(self, frame: dict[str, Any], chunk_bit: int) -> Picture:
         """The picture of a frame of which all elements are read; what is checked of it is checked later."""
-        slot, waiting = self._slot, self._state.bytes_waiting
-        self._state.bytes_waiting = 0
-        assert slot is not None  # the first frame is an I-frame (R-6.4-2)
+        slot = cast(Slot, self._slot)  # the first frame is an I-frame (R-6.4-2)
+        waiting, self._state.bytes_waiting = self._state.bytes_waiting, 0
         self._checks.append(Check(frame["frame_number"], lambda: self._check(frame, slot, chunk_bit, waiting), slot))
         return Picture(self, frame["frame_number"], slot)
 
     def count_layer(self, chunk_bit: int) -> None:
         """A chunk `n`, of which the bytes count in a paced stream."""
-        waiting = self._state.bytes_waiting
-        self._state.bytes_waiting = 0
+        waiting, self._state.bytes_waiting = self._state.bytes_waiting, 0
 
         def check() -> None:
             self._pacing.bytes_waiting = waiting
@@ -295,69 +381,13 @@ class Decoder:
 
     # ---- Inside
 
-    def _free_slot(self, most: int, text_size: int) -> Slot:
-        """The slot that was taken longest ago, or a larger one in its place."""
-        slot = self._slots.popleft()
-        if slot is not None:
-            slot.done.synchronize()
-            self._settle(slot)
-        if slot is None or slot.most < most or slot.text_size < text_size:
-            slot = Slot(most + most // 4, 2 * text_size, self.header)
-            self._readers.clear()
-        self._slots.append(slot)
-        return slot
-
-    def _settle(self, slot: Slot) -> None:
+    def _settle(self, slot: Slot | None) -> None:
         """Confirm what is in a slot before it is taken again; a fault waits until a picture is asked for."""
+        if slot is not None and slot.done is not None:
+            slot.done.synchronize()
         numbers = [check.number for check in self._checks if check.slot is slot]
         with suppress(names()["Fault"]):
             self.confirm(max(numbers, default=-1))
-
-    def _make_room(self, before: int, count: int) -> None:
-        size = workspace_size(before, count, self._cells)
-        if len(self._workspace) < size:
-            self._workspace = storage(2 * size)
-            self._readers.clear()
-        if len(self._differences) < 32 * before:
-            self._modes, self._differences = storage(2 * before), storage(64 * before)
-            self._readers.clear()
-
-    def _reader(self, slot: Slot, before: Slot | None) -> tuple[Launch, Launch]:
-        """What reads a frame into a slot, after that of another one, and makes parameters of its states."""
-        made = self._readers.get((slot, before))
-        if made is None:
-            layer, after = before.layer if before else no_splats(), slot.layer
-            made = self._readers[slot, before] = (
-                Launch(
-                    "read_body", 1, reading_threads(), slot.text, slot.told_bytes, self._tables, layer.head,
-                    layer.states, layer.past, None, after.head, after.states, after.past, self._field, self._modes,
-                    self._differences, self._workspace, None, slot.status,
-                ),
-                Launch(
-                    "frame_parameters", groups(slot.most), THREADS, self._tables, after.states, after.head,
-                    np.uint32(slot.most), slot.parameters,
-                ),
-            )  # fmt: skip
-        return made
-
-    def _shower(self, slot: Slot) -> Callable[[], None]:
-        """What makes a picture of the parameters in a slot, and their checksum if the stream states it."""
-        if self._scene.most_splats < slot.most:
-            self._scene = Scene(self.header["width"], self.header["height"], slot.most, exact=self.exact)
-        scene, bit_depth = self._scene, self.header["bit_depth"]
-        threads = groups(8 * slot.most, CHECKSUM_WORDS)
-
-        def show() -> None:
-            if self.header["flags"] & PARAMETER_CHECKSUM:
-                clear(slot.checksum)
-                launch(
-                    "parameter_checksum", groups(threads), THREADS, slot.parameters, slot.layer.head, slot.checksum,
-                    exact=True,
-                )  # fmt: skip
-            scene.fill(slot.parameters, slot.most)
-            scene.frame(slot.frame, bit_depth)
-
-        return device.replay(show)
 
     def _check(self, frame: dict[str, Any], slot: Slot, chunk_bit: int, waiting: int) -> None:
         """What is left of the order of section 12.2, once the device has read a frame."""

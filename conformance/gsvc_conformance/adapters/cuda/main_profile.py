@@ -188,7 +188,7 @@ def workspace_size(before: int, count: int, cells: int) -> int:
 def most_symbols(before: int, count: int, width: int, height: int) -> int:
     """The symbols of a frame, at most."""
     halvings = 2 * (max(-(-width // CELL), -(-height // CELL)) - 1).bit_length()
-    halves = sum(min(2**halving, count) for halving in range(halvings))
+    halves = sum(min(1 << halving, count) for halving in range(halvings))
     return 2 * field_cells(width, height) + 9 * before + halves + 6 * count
 
 

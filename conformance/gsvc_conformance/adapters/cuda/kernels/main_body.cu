@@ -216,11 +216,14 @@ static __device__ __forceinline__ unsigned vector_context(unsigned x_class)
 static __device__ void read_vectors(Frame &f, Run &run, Shared &shared, int axis)
 {
     unsigned char *classes = f.vector_classes;
-    decode_symbols(run, shared.lanes, f.field.columns * f.field.rows, [&](unsigned i, unsigned slot) {
-        Symbol symbol = read_modeled(shared, VECTOR + (axis ? vector_context(classes[i]) : 0), slot);
-        classes[i] = symbol.value;
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, f.field.columns * f.field.rows,
+        [&](unsigned i) { return VECTOR + (axis ? vector_context(classes[i]) : 0); },
+        [&](unsigned i, unsigned row, unsigned slot) {
+            Symbol symbol = read_modeled(shared, row, slot);
+            classes[i] = symbol.value;
+            return symbol;
+        });
 }
 
 static __device__ void read_vector_bits(Frame &f, Run &run, Shared &shared, int axis)
@@ -246,11 +249,13 @@ static __device__ void read_modes(Frame &f, Run &run, Shared &shared, const Stat
     __syncthreads();
     const unsigned char *contexts = f.contexts;
     unsigned char *modes = f.modes;         /* what a loop needs of shared memory it has in registers */
-    decode_symbols(run, shared.lanes, f.before, [&](unsigned n, unsigned slot) {
-        Symbol symbol = read_modeled(shared, MODE + contexts[n], slot);
-        modes[n] = symbol.value;
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, f.before, [&](unsigned n) { return MODE + contexts[n]; },
+        [&](unsigned n, unsigned row, unsigned slot) {
+            Symbol symbol = read_modeled(shared, row, slot);
+            modes[n] = symbol.value;
+            return symbol;
+        });
     ROLLED for (unsigned group = 0; group < 3; group++) {
         unsigned count = choose(f.before, f.changed[group], [&](unsigned n) {
             return modes[n] != REMOVED && (modes[n] >> group & 1);
@@ -277,12 +282,17 @@ static __device__ void read_components(Frame &f, Run &run, Shared &shared, unsig
         if (component >= FIRST_OF_GROUP[group + 1])
             continue;
         unsigned char *classes = f.classes[component];
-        decode_symbols(run, shared.lanes, f.changed_count[group], [&](unsigned at, unsigned slot) {
-            unsigned context = i > 0 ? 3 * (i - 1) + 1 + min(sum_of_classes(f, group, i, at), 2u) : 0;
-            Symbol symbol = read_modeled(shared, ROW_OF_GROUP[group] + context, slot);
-            classes[at] = symbol.value;
-            return symbol;
-        });
+        decode_symbols(
+            run, shared.lanes, f.changed_count[group],
+            [&](unsigned at) {
+                unsigned context = i > 0 ? 3 * (i - 1) + 1 + min(sum_of_classes(f, group, i, at), 2u) : 0;
+                return ROW_OF_GROUP[group] + context;
+            },
+            [&](unsigned at, unsigned row, unsigned slot) {
+                Symbol symbol = read_modeled(shared, row, slot);
+                classes[at] = symbol.value;
+                return symbol;
+            });
     }
 }
 
@@ -333,6 +343,12 @@ static __device__ void read_late_differences(Frame &f, Run &run, Shared &shared)
 
 /* ---- New splats */
 
+/* A part that is asked how many of its splats are in its first half. */
+struct Asked {
+    unsigned number;
+    Part part;
+};
+
 static __device__ void read_halves(Frame &f, Run &run, Shared &shared, const Tables &tables, unsigned halving)
 {
     int axis = halving % 2, inside = cells_inside(f.width, f.height, axis);
@@ -344,13 +360,15 @@ static __device__ void read_halves(Frame &f, Run &run, Shared &shared, const Tab
     if (threadIdx.x == 0)
         f.asked_count = asked;
     __syncthreads();
-    decode_symbols(run, shared.lanes, asked, [&](unsigned i, unsigned slot) {
-        unsigned n = list[i], splats = part[n].splats;
-        Distribution d = half_density(tables, splats, size, second_half(part[n], axis, size, inside), halving_code);
-        Symbol symbol = symbol_of_density(tables, d, slot);
-        first[n] = symbol.value << low_bits_of_half(splats);
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, asked, [&](unsigned i) { return Asked{list[i], part[list[i]]}; },
+        [&](unsigned i, const Asked &own, unsigned slot) {
+            int second = second_half(own.part, axis, size, inside);
+            Distribution d = half_density(tables, own.part.splats, size, second, halving_code);
+            Symbol symbol = symbol_of_density(tables, d, slot);
+            first[own.number] = symbol.value << low_bits_of_half(own.part.splats);
+            return symbol;
+        });
 }
 
 static __device__ void read_half_bits(Frame &f, Run &run, Shared &shared, unsigned halving)
@@ -358,8 +376,9 @@ static __device__ void read_half_bits(Frame &f, Run &run, Shared &shared, unsign
     int axis = halving % 2, inside = cells_inside(f.width, f.height, axis);
     const Part *part = f.part[halving % 2];
     unsigned *list = f.asked, *first = f.first;
-    read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[list[i]].splats); },
-             [&](unsigned i, unsigned low) { first[list[i]] += low; });
+    if (low_bits_of_half(f.count) > 0)      /* else no part has any */
+        read_raw(run, shared.lanes, f.asked_count, [&](unsigned i) { return low_bits_of_half(part[list[i]].splats); },
+                 [&](unsigned i, unsigned low) { first[list[i]] += low; });
     unsigned parts = split_parts(part, f.parts, axis, half_size(f.halvings, halving), inside, f.part[1 - halving % 2],
                                  [&](unsigned n) { return first[n]; });
     if (threadIdx.x == 0)
@@ -398,11 +417,13 @@ static __device__ void read_luma(Frame &f, Run &run, Shared &shared)
 {
     const unsigned short *C = f.magnitudes;
     unsigned char *classes = f.color_classes;
-    decode_symbols(run, shared.lanes, f.count, [&](unsigned i, unsigned slot) {
-        Symbol symbol = symbol_of_table(C, MAGNITUDES, slot);
-        classes[i] = symbol.value;
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, f.count, [&](unsigned) { return 0u; },
+        [&](unsigned i, unsigned, unsigned slot) {
+            Symbol symbol = symbol_of_table(C, MAGNITUDES, slot);
+            classes[i] = symbol.value;
+            return symbol;
+        });
 }
 
 /* All k1, then all k2. */
@@ -411,13 +432,14 @@ static __device__ void read_chroma(Frame &f, Run &run, Shared &shared)
     unsigned count = f.count;
     const unsigned short *C = f.magnitudes;
     unsigned char *classes = f.color_classes;
-    decode_symbols(run, shared.lanes, 2 * count, [&](unsigned i, unsigned slot) {
-        bool second = i >= count;
-        unsigned luma = classes[second ? i - count : i], table = 1 + luma + (second ? MAGNITUDES : 0);
-        Symbol symbol = symbol_of_table(C + table * (MAGNITUDES + 1), MAGNITUDES, slot);
-        classes[count + i] = symbol.value;
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, 2 * count,
+        [&](unsigned i) { return i < count ? 1u + classes[i] : 1u + MAGNITUDES + classes[i - count]; },
+        [&](unsigned i, unsigned table, unsigned slot) {
+            Symbol symbol = symbol_of_table(C + table * (MAGNITUDES + 1), MAGNITUDES, slot);
+            classes[count + i] = symbol.value;
+            return symbol;
+        });
 }
 
 /* The magnitudes of colour codes `first` to `end` of the 3 for each splat, component by component. */
@@ -451,14 +473,18 @@ static __device__ void read_shapes(Frame &f, Run &run, Shared &shared)
     const unsigned short *windows = f.windows;
     const unsigned char *classes = f.splat_classes;
     int *shapes = f.shapes;
-    decode_symbols(run, shared.lanes, 3 * count, [&](unsigned i, unsigned slot) {
-        unsigned component = (i >= count) + (i >= 2 * count), n = i - component * count, j = classes[n];
-        const Window &window = shared.windows[component][j];
-        const unsigned short *C = windows + (component * CLASSES + j) * WINDOW_MOST;
-        Symbol symbol = symbol_of_table(C, window.bins.bins, slot);
-        shapes[i] = (window.first + (int)symbol.value) * (1 << window.low_bits);
-        return symbol;
-    });
+    decode_symbols(
+        run, shared.lanes, 3 * count,
+        [&](unsigned i) {
+            unsigned component = (i >= count) + (i >= 2 * count);
+            return component * CLASSES + classes[i - component * count];
+        },
+        [&](unsigned i, unsigned number, unsigned slot) {
+            const Window &window = (&shared.windows[0][0])[number];
+            Symbol symbol = symbol_of_table(windows + number * WINDOW_MOST, window.bins.bins, slot);
+            shapes[i] = (window.first + (int)symbol.value) * (1 << window.low_bits);
+            return symbol;
+        });
 }
 
 static __device__ __forceinline__ unsigned place_bits(const Frame &f, unsigned i)

@@ -45,27 +45,41 @@ static __device__ __forceinline__ unsigned word_at(const Run &run, const Lanes &
     return run.raw.text[2 * word] | run.raw.text[2 * word + 1] << 8;
 }
 
-/* The next symbols of a pass: `read(i, slot)` finds symbol i and keeps what it says. */
-template <class Read> __device__ void decode_symbols(Run &run, Lanes &lanes, unsigned count, Read read)
+/* The next symbols of a pass. `prepare(i)` gets what symbol i depends on, all of it from passes before, and `read(i, that,
+   slot)` finds the symbol and keeps what it says. Symbols are prepared, and words loaded, a round before they are needed:
+   memory is far, and nothing but the states of the lanes has to be waited for. */
+template <class Prepare, class Read>
+__device__ void decode_symbols(Run &run, Lanes &lanes, unsigned count, Prepare prepare, Read read)
 {
     unsigned of_group = threadIdx.x % GROUP, first_round = run.place / run.lanes, end = run.place + count;
     ROLLED for (unsigned group = threadIdx.x / GROUP; group < run.groups; group += blockDim.x / GROUP) {
         unsigned lane = group * GROUP + of_group, x = lane < run.lanes ? lanes.states[lane] : 0, word = lanes.taken[group];
+        unsigned of_lane = lane < run.lanes ? count : 0;
+        unsigned next = first_round * run.lanes + lane - run.place; /* what was in front of these symbols is huge */
+        unsigned ahead = word_at(run, lanes, group, word + of_group);
+        decltype(prepare(0u)) prepared = {};
+        if (next < of_lane)
+            prepared = prepare(next);
         ROLLED for (unsigned round = first_round; round * run.lanes < end; round++) {
-            unsigned i = round * run.lanes + lane - run.place;      /* of a symbol that was in front of these it is huge */
+            auto known = prepared;
+            unsigned i = next;
             bool needs_word = false;
-            if (lane < run.lanes && i < count) {
+            next += run.lanes;
+            if (next < of_lane)
+                prepared = prepare(next);
+            if (i < of_lane) {
                 unsigned slot = x % TOTAL;
-                Symbol symbol = read(i, slot);
+                Symbol symbol = read(i, known, slot);
                 x = symbol.frequency * (x / TOTAL) + slot - symbol.start;                           /* (7-1) */
                 needs_word = x < LOWEST_STATE;
                 if (run.trace)
                     run.trace[run.decoded + i] = make_ushort4(symbol.start, symbol.frequency, run.pass, lane);
             }
             unsigned needing = __ballot_sync(EVERY_LANE, needs_word);
-            if (needs_word)
-                x = x << 16 | word_at(run, lanes, group, word + __popc(needing & ((1u << of_group) - 1)));
+            unsigned own_word = __shfl_sync(EVERY_LANE, ahead, __popc(needing & ((1u << of_group) - 1)));
+            x = needs_word ? x << 16 | own_word : x;
             word += __popc(needing);
+            ahead = word_at(run, lanes, group, word + of_group);
         }
         __syncwarp();
         if (lane < run.lanes)

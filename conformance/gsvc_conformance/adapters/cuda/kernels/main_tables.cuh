@@ -93,13 +93,13 @@ static __device__ Distribution magnitude_density(unsigned family, unsigned scale
     return {nullptr, MAGNITUDES, 16, 32, centre, family, scale_code, 2};
 }
 
-static __device__ Window window_density(const Tables &tables, int centre, int step, unsigned family, unsigned scale_code)   /* (15-7) */
+static __device__ Window window_density(const Tables &tables, int centre, int step, unsigned family, unsigned scale_code)
 {
     int scale = exp2_of(tables, 256 * scale_code, 4);
     unsigned r = 0;
     while (16 * scale > 512 * (step << r))
         r++;
-    int width = step << r, first = floor_quotient(centre - 8 * scale, width);
+    int width = step << r, first = floor_quotient(centre - 8 * scale, width);                       /* (15-7) */
     int last = -floor_quotient(-centre - 8 * scale, width), edge = 2 * (first + 1) * width - step;
     return {{nullptr, (unsigned)(last - first + 1), edge, 2 * width, centre, family, scale_code, 4}, first, r};
 }

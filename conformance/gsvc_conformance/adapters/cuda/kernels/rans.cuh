@@ -13,13 +13,16 @@ struct Symbol {
 /* The symbol of a slot, by a table of C. */
 template <class Number> __device__ __forceinline__ Symbol symbol_of_table(const Number *C, unsigned bins, unsigned slot)
 {
-    unsigned low = 0, high = bins;          /* C[low] <= slot < C[high] */
+    unsigned low = 0, high = bins, start = C[0], end = C[bins];     /* start = C[low] <= slot < C[high] = end */
     ROLLED while (high - low > 1) {
-        unsigned middle = (low + high) / 2;
-        if (C[middle] <= slot)
+        unsigned middle = (low + high) / 2, value = C[middle];
+        if (value <= slot) {
             low = middle;
-        else
+            start = value;
+        } else {
             high = middle;
+            end = value;
+        }
     }
-    return {low, C[low], (unsigned)C[low + 1] - C[low]};
+    return {low, start, end - start};
 }
