@@ -1,8 +1,8 @@
 """What WGSL, or its way to a driver, leaves open on some operands: every such place in our shaders is known.
 
 An operation passes whose operand is a literal that is in range. Any other operand is made of names, and where one is
-declared stands its range, in a comment that begins with ``range:`` and that a reader can check. `select` is no way
-out: it is a function, so what it does not choose is computed, too.
+declared stands its range, in a comment that begins with ``range:`` and that a reader can check. Divisors of remainders
+are unsigned in any case. `select` is no way out: it is a function, so what it does not choose is computed, too.
 """
 
 import re
@@ -18,6 +18,9 @@ IN_JAVASCRIPT = re.compile(r"/\* wgsl \*/ `([^`]*)`")
 NAME = r"[A-Za-z_]\w*"
 CONSTANT = re.compile(rf"const ({NAME}) = ([\w.+-]+);")
 LITERAL = r"(?:0x[0-9a-f]+|\d+)u\b"
+RANGE = re.compile("range:")
+UNSIGNED = re.compile(rf"range:.*unsigned|(?:: u32\b.*|= {LITERAL}.*)range:|range:.*= {LITERAL}")
+"""A declaration with a range, and one of an unsigned number."""
 BITS = 32
 
 RULES = {
@@ -122,7 +125,8 @@ def is_harmless(found: Found, lines: list[str], everywhere: dict[str, str]) -> b
         return True
     names = names_in(text)
     if names:
-        return all(has_range(name, found.line, lines, everywhere) for name in names)
+        needs = UNSIGNED if found.rule == "remainder" else RANGE
+        return all(needs.search(declaration(name, found.line, lines, everywhere)) for name in names)
     if found.rule == "remainder":
         return text.endswith("u")
     return found.rule != "shift" or all(int(number) < BITS for number in re.findall(r"\b(\d+)", text))
@@ -136,8 +140,11 @@ def names_in(text: str) -> set[str]:
     return set(re.findall(rf"(?<![\w.])\.?{NAME}(?![\w<(])", text))
 
 
-def has_range(name: str, line: int, lines: list[str], everywhere: dict[str, str]) -> bool:
-    """Whether the last declaration of a name before its use has a range; that of a member in any source."""
+def declaration(name: str, line: int, lines: list[str], everywhere: dict[str, str]) -> str:
+    """The line with the last declaration of a name before its use, after a range above it; of a member in any source.
+
+    It is empty where nothing is found, and for a member without a range.
+    """
     member = name.startswith(".")
     declares = re.compile(rf"\b(?:let|var|const) {name}\b|(?:^\s*|[(,)] ?|> ){name.removeprefix('.')}: ")
     texts = [text.splitlines() for text in everywhere.values()] if member else [lines[: line + 1]]
@@ -145,9 +152,10 @@ def has_range(name: str, line: int, lines: list[str], everywhere: dict[str, str]
         for number in reversed(range(len(text))):
             if declares.search(code_of(text[number])):
                 above = text[number - 1].strip() if number else ""
-                if not member or "range:" in text[number]:
-                    return "range:" in text[number] or above.startswith("// range:")
-    return False
+                found = f"{above} {text[number]}" if above.startswith("// range:") else text[number]
+                if not member or RANGE.search(found):
+                    return found
+    return ""
 
 
 def left_open(text: str, everywhere: dict[str, str]) -> list[str]:
@@ -198,7 +206,16 @@ def test_what_is_left_open_is_found_unless_a_range_is_said(line):
     found = left_open(function_of(line), {})
     assert {place.split(": ")[1].partition(",")[0] for place in found} == OPEN[line]
     said = "// range: of a, b and place"
-    assert bool(left_open(function_of(line, said), {})) == (line in ("return a % 7;", "return 1u << 32u;"))
+    assert bool(left_open(function_of(line, said), {})) == ("%" in line or "32u" in line)  # b is signed, 32 too much
+
+
+def test_a_range_of_an_unsigned_number_is_enough_for_a_remainder():
+    assert (
+        left_open(
+            "fn f(a: u32) -> u32 {\n    let b = a / 2u + 1u;    // range: unsigned, 1 or more\n    return a % b;\n}", {}
+        )
+        == []
+    )
 
 
 @pytest.mark.parametrize("line", CLOSED)
