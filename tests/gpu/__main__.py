@@ -24,7 +24,7 @@ from tests.gpu.splats import DRAWS, TRAINED
 from tests.gpu.survey import ROOT, Survey, surveyed
 
 REPORTS: Final = ROOT / "docs" / "reports"
-SECONDS: Final = 240
+SECONDS: Final = 225
 NO_GPU: Final = (
     "No adapter finds a GPU here. If there is one, install its driver and the packages that the lines above name. "
     "If there is none, --cpu runs every part on the processor, on little work, to test this command."

@@ -197,7 +197,7 @@ class Plan:
         """The operations as the kit calls them, of all that runs and of gsvc_ref."""
         words = ["-m", "gsvc_lab.benchmarks.adapters", "gsvc_ref", *(adapter.module for adapter in self.survey.runs)]
         words += ["--work", "adan_step", "--work", "decode_stream_small"] if self.cpu else []
-        words += ["--seconds", "0" if self.cpu else "0.3", "--json"]
+        words += ["--seconds", "0" if self.cpu else "0.1", "--json"]
         return self._timed("operations", "speeds of operations, with copies", tuple(words), *self.survey.runs)
 
     def _timed(self, name: str, what: str, words: tuple[str, ...], *adapters: Adapter) -> Part:

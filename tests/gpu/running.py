@@ -6,7 +6,7 @@ import signal
 import subprocess
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +22,8 @@ GRACE: Final = 5.0
 """Seconds that a process has to write what it found, when it is told to end, and then to die."""
 GLANCE: Final = 0.1
 """Seconds between two looks at the processes."""
-
-Clock = Callable[[], float]
+ALONE: Final = 0.42
+"""Part of the time that is kept for what has to be alone, if it may need as much."""
 
 
 @dataclass
@@ -68,7 +68,7 @@ def results_of(parts: Sequence[Part], folder: Path, seconds: float, width: int) 
     wanted = [part for part in parts if not part.missing]
     alone = [part for part in wanted if part.alone]
     together = [part for part in wanted if not part.alone]
-    later = min(sum(part.limit for part in alone), seconds / 2)
+    later = min(sum(part.limit for part in alone), ALONE * seconds)
     yield from _all_of(together, folder, begin + seconds - later, width)
     yield from _all_of(alone, folder, begin + seconds, 1)
 

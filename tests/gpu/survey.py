@@ -23,8 +23,10 @@ from tests.gpu.advice import advice
 from tests.gpu.splats import DRAWS
 
 ROOT: Final = Path(__file__).parents[2]
+ANSWER: Final = 45
+"""Seconds for one answer: the first of a driver takes several."""
 PATIENCE: Final = 100
-"""Seconds for one answer or for one part."""
+"""Seconds for one part."""
 
 MEMORY: Final = 4096
 """MiB of a card that one process may need."""
@@ -159,7 +161,7 @@ def tool(name: str) -> str | None:
 def output_of(words: Sequence[str]) -> str:
     """What a command prints, or nothing if it fails."""
     try:
-        run = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE, check=False)
+        run = subprocess.run(words, capture_output=True, text=True, timeout=ANSWER, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
     return "" if run.returncode else run.stdout
@@ -187,10 +189,10 @@ def asked(adapter: Adapter, variables: Mapping[str, str], cpu: bool) -> dict[str
     try:
         run = subprocess.run(
             [sys.executable, "-c", ASK, adapter.module],
-            env={**os.environ, **variables, **settings}, capture_output=True, text=True, timeout=PATIENCE, check=False,
+            env={**os.environ, **variables, **settings}, capture_output=True, text=True, timeout=ANSWER, check=False,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return f"it said nothing for {PATIENCE} s: its driver hangs"
+        return f"it said nothing for {ANSWER} s: its driver hangs"
     if run.returncode:
         return advice(run.stderr, run.returncode, adapter.package)
     answer: dict[str, str] = json.loads(run.stdout.splitlines()[-1])
