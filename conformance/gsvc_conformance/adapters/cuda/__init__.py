@@ -34,7 +34,7 @@ Not here are the decisions of training that a host makes from a few numbers (`le
 `pruning_plan`, `select_key_frames`), `encode_plane`, colour conversion and metrics.
 
 Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
-kernel that is launched spills registers.
+kernel spills registers in a loop over splats.
 """
 
 from gsvc_conformance.adapters.cuda.device import environment

@@ -43,7 +43,8 @@ SCENE: Final = np.dtype(
 class Scene:
     """The splats of a frame and the lists of its regions, which stay on the device: rendering without a round trip.
 
-    What it needs is allocated here; `fill` and what draws only launch, so `device.replay` may record them.
+    What it needs is allocated here; `fill` and what draws only launch, so `device.replay` may record them. A picture
+    goes into a buffer that begins at a multiple of 16 bytes, as all do that are no slices.
 
     Parameters
     ----------

@@ -11,14 +11,6 @@ static __device__ __forceinline__ int sample_of(float sum, int peak)
     return __float2int_rn(__fmul_rn(v, (float)peak));
 }
 
-static __device__ __forceinline__ void write_sample(unsigned char *frame, size_t at, int sample, int bit_depth)
-{
-    if (bit_depth == 8)
-        frame[at] = (unsigned char)sample;
-    else
-        ((unsigned short *)frame)[at] = (unsigned short)sample;
-}
-
 /* `base` may be null. */
 extern "C" __global__ void __launch_bounds__(THREADS, 5) render_sum(Scene scene, const float *base, float *sum)
 {
@@ -30,23 +22,24 @@ extern "C" __global__ void __launch_bounds__(THREADS, 5) render_frame(Scene scen
 {
     Tile tile = tile_of_warp(scene);
     Sums sums = sums_of(scene, tile, nullptr);
-    int peak = (1 << bit_depth) - 1;
-#pragma unroll
-    for (int k = 0; k < ROWS; k++)
-        if (is_pixel(scene, tile, k)) {
-            size_t at = place_of(scene, tile, k);
-            write_sample(frame, at, sample_of(sums.red[k], peak), bit_depth);
-            write_sample(frame, at + 1, sample_of(sums.green[k], peak), bit_depth);
-            write_sample(frame, at + 2, sample_of(sums.blue[k], peak), bit_depth);
-        }
+    auto sample = [=](float sum) { return sample_of(sum, (1 << bit_depth) - 1); };
+    if (bit_depth == 8)
+        write_pixels(scene, tile, sums, frame, sample);
+    else
+        write_pixels(scene, tile, sums, (unsigned short *)frame, sample);
 }
 
 /* One thread for each sample of a sum that is there already. */
 extern "C" __global__ void to_frame(const float *sum, long long samples, int bit_depth, unsigned char *frame)
 {
     long long at = blockIdx.x * (long long)blockDim.x + threadIdx.x;
-    if (at < samples)
-        write_sample(frame, at, sample_of(sum[at], (1 << bit_depth) - 1), bit_depth);
+    if (at >= samples)
+        return;
+    int sample = sample_of(sum[at], (1 << bit_depth) - 1);
+    if (bit_depth == 8)
+        frame[at] = (unsigned char)sample;
+    else
+        ((unsigned short *)frame)[at] = (unsigned short)sample;
 }
 
 /* (9-8), one thread for each splat. */

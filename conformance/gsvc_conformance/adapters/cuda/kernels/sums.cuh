@@ -51,16 +51,46 @@ static __device__ __forceinline__ Sums read_pixels(const Scene &scene, const Til
     return pixels;
 }
 
+template <class T> struct alignas(4 * sizeof(T)) Four { T components[4]; };
+
+/* The components of a tile, row by row, from shared memory into the picture, a unit at a time. */
+template <class Unit, class T>
+static __device__ __forceinline__ void copy_rows(const Scene &scene, const Tile &tile, const T *rows, T *picture)
+{
+    const int size = sizeof(Unit) / sizeof(T), units_of_row = 3 * TILE_WIDTH / size;
+#pragma unroll 1
+    for (int at = threadIdx.x % 32; at < TILE_HEIGHT * units_of_row; at += 32) {
+        int row = tile.y + at / units_of_row, component = 3 * tile.x + at % units_of_row * size;
+        if (row < scene.height && component < 3 * scene.width)
+            *(Unit *)(picture + 3 * (size_t)row * scene.width + component) = ((const Unit *)rows)[at];
+    }
+}
+
+/* Writes convert(number) for each number of the pixels of a warp: by way of shared memory, so that lanes side by side write
+   side by side, four components each where every row of the picture begins at a multiple of four. */
+template <class T, class Convert>
+static __device__ __forceinline__ void write_pixels(const Scene &scene, const Tile &tile, const Sums &pixels, T *picture,
+                                                    Convert convert)
+{
+    __shared__ Four<T> rows[WARPS][3 * TILE_WIDTH * TILE_HEIGHT / 4];
+    T *own = rows[threadIdx.x / 32][0].components;
+#pragma unroll
+    for (int k = 0; k < ROWS; k++) {
+        T *pixel = own + 3 * (32 * k + threadIdx.x % 32);
+        pixel[0] = convert(pixels.red[k]);
+        pixel[1] = convert(pixels.green[k]);
+        pixel[2] = convert(pixels.blue[k]);
+    }
+    __syncwarp();
+    if (scene.width % 4 == 0)
+        copy_rows<Four<T>>(scene, tile, own, picture);
+    else
+        copy_rows<T>(scene, tile, own, picture);
+}
+
 static __device__ __forceinline__ void write_pixels(const Scene &scene, const Tile &tile, const Sums &pixels, float *picture)
 {
-#pragma unroll
-    for (int k = 0; k < ROWS; k++)
-        if (is_pixel(scene, tile, k)) {
-            float *pixel = picture + place_of(scene, tile, k);
-            pixel[0] = pixels.red[k];
-            pixel[1] = pixels.green[k];
-            pixel[2] = pixels.blue[k];
-        }
+    write_pixels(scene, tile, pixels, picture, [](float sum) { return sum; });
 }
 
 /* The sums of the splats on top of a picture, `base`, or of nothing. */

@@ -29,6 +29,7 @@ struct Scene {
 /* The tile of a warp, and the pixels of a lane in it: column i, rows j, j + 4, ..., j + 4 (ROWS - 1). */
 struct Tile {
     int number;                             /* in the order of blocks and warps */
+    int x, y;                               /* its first column and row */
     bool inside;                            /* whether it has pixels of the frame */
     float left, right, top, bottom;         /* its first and last centres */
     int i, j;
@@ -37,17 +38,17 @@ struct Tile {
 static __device__ __forceinline__ Tile tile_of_warp(const Scene &scene)
 {
     int lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-    int x = blockIdx.x * BLOCK + warp % (BLOCK / TILE_WIDTH) * TILE_WIDTH;
-    int y = blockIdx.y * BLOCK + warp / (BLOCK / TILE_WIDTH) * TILE_HEIGHT;
     Tile tile;
+    tile.x = blockIdx.x * BLOCK + warp % (BLOCK / TILE_WIDTH) * TILE_WIDTH;
+    tile.y = blockIdx.y * BLOCK + warp / (BLOCK / TILE_WIDTH) * TILE_HEIGHT;
     tile.number = (blockIdx.y * gridDim.x + blockIdx.x) * WARPS + warp;
-    tile.inside = x < scene.width && y < scene.height;
-    tile.left = x + 0.5f;
-    tile.right = min(x + TILE_WIDTH, scene.width) - 0.5f;
-    tile.top = y + 0.5f;
-    tile.bottom = min(y + TILE_HEIGHT, scene.height) - 0.5f;
-    tile.i = x + lane % TILE_WIDTH;
-    tile.j = y + lane / TILE_WIDTH;
+    tile.inside = tile.x < scene.width && tile.y < scene.height;
+    tile.left = tile.x + 0.5f;
+    tile.right = min(tile.x + TILE_WIDTH, scene.width) - 0.5f;
+    tile.top = tile.y + 0.5f;
+    tile.bottom = min(tile.y + TILE_HEIGHT, scene.height) - 0.5f;
+    tile.i = tile.x + lane % TILE_WIDTH;
+    tile.j = tile.y + lane / TILE_WIDTH;
     return tile;
 }
 
