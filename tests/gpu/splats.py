@@ -7,7 +7,7 @@ import numpy as np
 
 from gsvc_base.arrays import F4
 from gsvc_base.draws import Draws
-from gsvc_lab.benchmarks.material import picture, trained
+from gsvc_lab.benchmarks.material import picture, trained, trained_path
 
 DRAWS: Final = 20_000
 """Random sets of splats that deterministic sums are compared on."""
@@ -40,7 +40,11 @@ class Scene:
     def splats(self) -> F4:
         """(N, 8) f4, in the columns of `Splats.to_array`."""
         if self in TRAINED:
-            return trained(self.width, self.height, self.count).splats.to_array()
+            path = trained_path(self.width, self.height, self.count)
+            if not path.exists():
+                trained(self.width, self.height, self.count)
+            splats: F4 = np.load(path)
+            return splats
         return random_splats(Draws(self.count), self.width, self.height, self.count, 1)
 
     def target(self) -> F4:
