@@ -6,7 +6,7 @@ BIN    := .venv/bin
 WORKERS = --numprocesses auto --maxprocesses 8 --dist worksteal
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lowest vectors fuzz lint format figures bench experiments adapters kaitai site clean
+.PHONY: help demo test test-all lowest vectors fuzz lint format figures bench experiments adapters kaitai site gpu clean
 
 help:            ## list the commands
 	@grep -hE '^[a-z-]+: .*##|^[a-z-]+:  *##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 12
@@ -77,8 +77,10 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.toml
 	-PYTHONPATH=tests/adapters $(BIN)/gsvc-conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
-	$(BIN)/gsvc-conformance compare $$(LC_ALL=C ls docs/reports/*.json | grep -v /speeds) \
-		$$(LC_ALL=C ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
+	$(compare)
+
+gpu: .venv/.ready-test,adapters,peers,cuda            ## judge and measure what runs on this machine's GPU; writes docs/reports/ (ONLY: these parts)
+	$(BIN)/python -m tests.gpu $(ONLY:%=--only %); status=$$?; [ $$status = 2 ] || $(compare); exit $$status
 
 kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all vectors with it and draw docs/gsvc.svg (npm, node and graphviz)
 	npm install --silent --no-fund --no-audit --prefix .venv/kaitai kaitai-struct-compiler@0.11.0 js-yaml@5.5.0
@@ -88,6 +90,8 @@ kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all 
 site: .venv/.ready-site            ## write the documents as a static site into site/, which opens from a disk
 	$(BIN)/python -m gsvc_lab.site
 
+compare = $(BIN)/gsvc-conformance compare $$(LC_ALL=C ls docs/reports/*.json | grep -v /speeds) \
+	$$(LC_ALL=C ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 report = --quiet --show 3 --json docs/reports/$(1).json --html docs/reports/$(1).html
 
 clean:            ## remove what the other commands made

@@ -24,10 +24,10 @@ Every work is in `seconds` or in `missing`; `low` and `high` are quartiles. An i
 in neither table nor file; which and why is printed. Where a module stands in the file more than once, with other
 `settings`, the report of the kit that belongs to it is the one with the same `environment`.
 
-What was measured on a GPU by other means has the same form, in a file of its own such as docs/reports/speeds-h200.json:
-`machine` has the entries `card` and `driver`, of `seconds` only `median` is needed, and nothing has to be `missing`.
-The works in the list `rates`, which may be left out, are shown as frames per second. Times of an implementation whose
-`environment` names a device then appear beside no card: a driver for CPUs tells nothing of a GPU.
+What `make gpu` measures has the same form, in a file of its own such as docs/reports/speeds-nvidia-h200.json: `machine`
+has the entries `card` and `driver`, of `seconds` only `median` is needed, and nothing has to be `missing`. The works in
+the list `rates`, which may be left out, are shown as frames per second. Times of an implementation whose `environment`
+names a device then appear beside no card: a driver for CPUs tells nothing of a GPU.
 """
 
 import argparse
@@ -329,13 +329,17 @@ def main(words: Sequence[str] | None = None) -> None:
         for name, reason in outcome.missing.items():
             print(f"{outcome.name}, {name}: {reason}", file=sys.stderr, flush=True)
         results.append(outcome)
+        machine = write(works, results, arguments.json)
     if not results:
         sys.exit("nothing was measured")
-    write(works, results, arguments.json, arguments.markdown)
+    text = table(machine, works, results).markdown()
+    print(text)
+    if arguments.markdown is not None:
+        arguments.markdown.write_text(text + "\n", encoding="utf-8")
 
 
-def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path, markdown_file: Path | None) -> None:
-    """Write the file and the table."""
+def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path) -> dict[str, Any]:
+    """Write the file, and return what it says of the machine."""
     machine = environment(processors())
     del machine["threads"]  # each implementation takes as many as it likes
     numbers = {
@@ -347,10 +351,7 @@ def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Pat
     }
     json_file.parent.mkdir(parents=True, exist_ok=True)
     json_file.write_text(json.dumps(numbers, indent=1) + "\n", encoding="utf-8")
-    text = table(machine, works, results).markdown()
-    print(text)
-    if markdown_file is not None:
-        markdown_file.write_text(text + "\n", encoding="utf-8")
+    return machine
 
 
 if __name__ == "__main__":

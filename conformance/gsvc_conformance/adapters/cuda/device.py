@@ -168,7 +168,7 @@ class Launch:
     """
 
     def __init__(self, kernel: str, blocks: Size, threads: Size, *arguments: Any, exact: bool = False) -> None:
-        self.blocks, self.threads = _three(blocks), _three(threads)
+        self.kernel, self.blocks, self.threads = kernel, _three(blocks), _three(threads)
         self._function = machine().function(kernel, exact)
         self._buffers = arguments
         self._values = [_argument(value) for value in arguments]

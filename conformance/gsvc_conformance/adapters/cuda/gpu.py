@@ -13,7 +13,7 @@ from cupy.cuda import driver, nvrtc, runtime
 from cupy.cuda.function import Module
 
 from gsvc_conformance.adapters.cuda.errors import NO_NVRTC, advice
-from gsvc_conformance.adapters.cuda.sources import KERNELS, ROUNDING, kept, source_of
+from gsvc_conformance.adapters.cuda.sources import KERNELS, PLANTED, ROUNDING, kept, source_of
 
 Array = np.ndarray[Any, Any]
 
@@ -165,7 +165,7 @@ def compiled(source: str, exact: bool, machine: str) -> bytes:
 
     Not by RawModule or RawKernel: these add ``-ftz=true`` to whatever options they get.
     """
-    options = ("--std=c++17", f"--gpu-architecture={machine}", f"--include-path={KERNELS}", *ROUNDING[exact])
+    options = ("--std=c++17", f"--gpu-architecture={machine}", f"--include-path={KERNELS}", *ROUNDING[exact], *PLANTED)
     text = (KERNELS / f"{source}.cu").read_text("utf-8")
 
     def make(path: Path) -> None:

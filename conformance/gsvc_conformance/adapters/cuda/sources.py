@@ -21,6 +21,9 @@ ROUNDING: Final = {
 }
 """Options of NVRTC and of nvcc, by `exact`: nothing is ever flushed, and in an exact kernel nothing fused."""
 
+PLANTED: Final = ("-DPLANTED_RACE",) if os.environ.get("GSVC_CUDA_PLANTED_RACE") else ()
+"""An option that takes a barrier out of tiles.cuh, to see whether a tool for races reports it."""
+
 DEFINITION: Final = re.compile(r'extern "C" __global__ void\s+(?:__launch_bounds__\([^)]*\)\s+)?(\w+)\(')
 
 

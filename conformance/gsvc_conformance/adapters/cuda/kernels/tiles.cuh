@@ -77,7 +77,9 @@ static __device__ __forceinline__ void each_splat(const Scene &scene, const Tile
             s.slot = slot_of_block(s, scene);
             staged[t] = s;
         }
+#ifndef PLANTED_RACE
         __syncthreads();
+#endif
         for (int first = 0; first < count; first += 32) {
             bool there = first + lane < count;
             const Splat &mine = staged[first + lane];
