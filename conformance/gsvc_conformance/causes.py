@@ -102,7 +102,8 @@ class Causes:
             self._passed[name].append(judged.vector)
         elif judged.result.outcome == "fail" and judged.outputs is not None and _right_types(judged):
             before = {
-                port.name: self._buffers.get((name, port.name), NOTHING) for port in judged.vector.operation.outputs
+                port.name: self._buffers.get((name, port.name), NOTHING).copy()
+                for port in judged.vector.operation.outputs
             }
             self._failures[name].append(Failure(judged.vector, judged.outputs, before))
         elif judged.result.outcome in ("error", "crash"):
@@ -114,8 +115,12 @@ class Causes:
         for name, value in (judged.outputs or {}).items():
             if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":
                 key, flat = (judged.vector.operation.name, name), value.ravel()
-                beyond = self._buffers.get(key, NOTHING)[flat.size :]
-                self._buffers[key] = np.concatenate([flat, beyond]) if beyond.size else flat
+                buffer = self._buffers.get(key, NOTHING)
+                if buffer.dtype == flat.dtype and buffer.size >= flat.size:
+                    buffer[: flat.size] = flat
+                else:
+                    beyond = buffer[flat.size :]
+                    self._buffers[key] = np.concatenate([flat, beyond]) if beyond.size else flat.copy()
 
     def find(self, results: Iterable[Result]) -> tuple[list[Result], list[str]]:
         """The results with their causes, and what is to be said of the search."""

@@ -6,7 +6,7 @@
 import hashlib
 import json
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Container, Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +16,7 @@ from gsvc_conformance.capacities import limit, profiles, symbols
 from gsvc_conformance.case import OWN, TIERS
 from gsvc_conformance.cases import FLAGS
 from gsvc_conformance.code_coverage import Kind, Point, reach
-from gsvc_conformance.elements import element_rows, uncovered_elements
+from gsvc_conformance.elements import Coverage, element_coverage, element_rows, uncovered_elements
 from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.operation import Operation, operations
 from gsvc_conformance.profiles import ANY, PROFILES
@@ -81,8 +81,8 @@ def manifests(folder: Path = VECTORS) -> list[dict[str, Any]]:
     return sorted((m for name, m in manifests_in(files).items() if name not in gone), key=lambda m: str(m["id"]))
 
 
-def coverage_page(folder: Path = VECTORS, code: Code | None = None) -> str:
-    """COVERAGE.md of the vectors of a folder; `code` is what they reach of the code, if that is known."""
+def coverage_page(folder: Path = VECTORS, code: Code | None = None, elements: Coverage | None = None) -> str:
+    """COVERAGE.md of the vectors of a folder; `code` and `elements` are what they reach of these, if that is known."""
     there = manifests(folder)
     rules, equations = stated()
     return "\n\n".join(
@@ -94,8 +94,8 @@ def coverage_page(folder: Path = VECTORS, code: Code | None = None) -> str:
             + _requirements(rules, there),
             "## Equations\n\n" + _equations(equations, there),
             "## Syntax elements\n\nOf all streams of the vectors: values of legal ones, and faults.\n\n"
-            + _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(folder)),
-            "## Code\n\n" + _code(reached(folder) if code is None else code),
+            + _elements(elements or element_coverage(folder)),
+            "## Code\n\n" + _code(code or reached(folder)),
             "## Mutants\n\nEach is the decoder inside spec.md with one mistake; every one must be found.\n\n"
             + _kill_table(there),
             "## Sizes\n\nThe largest of each dimension in any vector, and up to which capacity whoever ends there must "
@@ -126,12 +126,10 @@ def verify(folder: Path = VECTORS, *, whole: bool = True) -> list[str]:
     ]
     if all(manifest["tier"] == OWN for manifest in there):  # nobody's own vectors are to cover the document
         return of_each
-    return [
-        *of_each,
-        *_coverage_problems(there),
-        *(uncovered_elements(folder) if whole else ()),
-        *(_page_problems(folder) if whole else ()),
-    ]
+    if not whole:
+        return [*of_each, *_coverage_problems(there)]
+    elements = element_coverage(folder)
+    return [*of_each, *_coverage_problems(there), *uncovered_elements(elements), *_page_problems(folder, elements)]
 
 
 def _file_problems(folder: Path) -> Iterable[str]:
@@ -208,14 +206,14 @@ def _coverage_problems(there: list[dict[str, Any]]) -> Iterable[str]:
     yield from (f"the operation {name} has no vector" for name in operations() if name not in met)
 
 
-def _page_problems(folder: Path) -> Iterable[str]:
+def _page_problems(folder: Path, elements: Coverage) -> Iterable[str]:
     there = files_in(folder).get("COVERAGE.md", b"")
     section = there.decode().partition("\n## Code\n")[2].partition("\n## ")[0]
     code = reached(folder, among=set(re.findall(r"`(\w+/\w+/[\w.-]+)`", section)))
     if any(_not_reached(code)):  # by those that the page names
         code = reached(folder)
     yield from (f"no vector reaches line {p.line} of spec.md: {p.text} {p.side}".rstrip() for p in _not_reached(code))
-    if there != coverage_page(folder, code).encode():
+    if there != coverage_page(folder, code, elements).encode():
         yield "COVERAGE.md is not that of these vectors; write it with: gsvc-conformance generate"
 
 
@@ -268,11 +266,19 @@ def _some(names: list[str], value: str) -> list[str]:
     return [str(len(names)), ", ".join(f"`{name}`" for name in names[:NAMED])]
 
 
+def _elements(found: Coverage) -> str:
+    return _table(["element", "min", "max", "default", "reserved", "absent"], element_rows(found))
+
+
 def _kill_table(there: list[dict[str, Any]]) -> str:
-    rows = []
-    for mutant in MUTANTS:
-        killers = [m["id"] for m in there if mutant.name in m["kills"]]
-        rows.append([mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers, mutant.name)])
+    killers: defaultdict[str, list[str]] = defaultdict(list)
+    for manifest in there:
+        for name in manifest["kills"]:
+            killers[name].append(manifest["id"])
+    rows = [
+        [mutant.area, f"`{mutant.name}`", mutant.sentence, *_some(killers[mutant.name], mutant.name)]
+        for mutant in MUTANTS
+    ]
     return _table(["area", "mutant", "it looks like", "killed by", "such as"], rows)
 
 

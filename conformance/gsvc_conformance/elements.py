@@ -14,7 +14,7 @@ from gsvc_base.syntax import named
 from gsvc_conformance.element_values import Number, Values, plane_values, values
 from gsvc_conformance.sets import read_sets, withdrawn
 from gsvc_conformance.spec import header_rows
-from gsvc_conformance.vector import MANIFEST, VECTORS, files_in, vector_in
+from gsvc_conformance.vector import MANIFEST, files_in, vector_in
 
 Aspect = Literal["min", "max", "default", "reserved", "absent"]
 ASPECTS: Final[tuple[Aspect, ...]] = ("min", "max", "default", "reserved", "absent")
@@ -169,6 +169,10 @@ UNCOVERED: Final[Mapping[tuple[str, Aspect], str]] = {
 """Aspects without a vector, and why."""
 
 
+Coverage = Mapping[tuple[str, Aspect], list[str]]
+"""The ids of the vectors that have an aspect of an element."""
+
+
 def _of_vectors(folder: Path) -> tuple[dict[str, Values], dict[str, Values]]:
     """The values in the legal and in the faulty streams and planes of a folder of vectors, by id."""
     legal: dict[str, Values] = {}
@@ -187,8 +191,9 @@ def _of_vectors(folder: Path) -> tuple[dict[str, Values], dict[str, Values]]:
     return legal, faulty
 
 
-def coverage(legal: Mapping[str, Values], faulty: Mapping[str, Values]) -> dict[tuple[str, Aspect], list[str]]:
-    """For every aspect of every element the ids that have it; of several refused values each must be had by some."""
+def element_coverage(folder: Path) -> Coverage:
+    """The vectors of a folder that have each aspect of each element; of several refused values each is had by some."""
+    legal, faulty = _of_vectors(folder)
     found: dict[tuple[str, Aspect], list[str]] = {}
     for element, syntax in ELEMENTS.items():
         for aspect, wanted in syntax.aspects().items():
@@ -201,9 +206,8 @@ def coverage(legal: Mapping[str, Values], faulty: Mapping[str, Values]) -> dict[
     return found
 
 
-def element_rows(folder: Path = VECTORS) -> list[list[str]]:
+def element_rows(found: Coverage) -> list[list[str]]:
     """Rows of a table: element, then the vectors that have its min, max, default, reserved values, and lack it."""
-    found = coverage(*_of_vectors(folder))
     return [
         [f"`{element}`", *(_cell(element, aspect, syntax.aspects().get(aspect), found) for aspect in ASPECTS)]
         for element, syntax in ELEMENTS.items()
@@ -214,7 +218,7 @@ def _cell(
     element: str,
     aspect: Aspect,
     wanted: tuple[tuple[str | None, Number], ...] | None,
-    found: Mapping[tuple[str, Aspect], list[str]],
+    found: Coverage,
 ) -> str:
     if wanted is None:
         return "–"
@@ -223,8 +227,7 @@ def _cell(
     return f"{what}: {len(vectors) or UNCOVERED.get((element, aspect), '**missing**')}"
 
 
-def uncovered_elements(folder: Path = VECTORS) -> list[str]:
+def uncovered_elements(found: Coverage) -> list[str]:
     """A sentence for each aspect that no vector has without a stated reason, and for each needless reason."""
-    found = coverage(*_of_vectors(folder))
     missing = [f"no vector has the {a} of {e}" for (e, a), ids in found.items() if not ids and (e, a) not in UNCOVERED]
     return missing + [f"the {a} of {e} has a vector and a reason to have none" for e, a in UNCOVERED if found[e, a]]

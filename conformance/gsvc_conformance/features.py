@@ -10,7 +10,7 @@ from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.claim import Claim
 from gsvc_conformance.level import LEVELS, splat_counts
-from gsvc_conformance.operation import Group, Operation, operations
+from gsvc_conformance.operation import Group, Operation, is_needed, operations
 from gsvc_conformance.profiles import ANY, PROFILES, stated_profile
 from gsvc_conformance.reading import read_toml
 from gsvc_conformance.schema import shown
@@ -69,7 +69,7 @@ class Features:
     def _has(self, operation: Operation) -> bool:
         if self.classes is None and self.operations is None:
             return True
-        return operation.group in (self.classes or ()) or operation.name in (self.operations or ())
+        return is_needed(operation, self.classes or ()) or operation.name in (self.operations or ())
 
     def check_claim(self, claim: Claim) -> None:
         """Refuse a claim that needs more or less than these features.
@@ -84,7 +84,7 @@ class Features:
             name for name, value in self.to_object().items()
             if name not in ("classes", "operations") and value != _plain(wanted.get(name))
         ]  # fmt: skip
-        if not all(map(self._has, (about for about in operations().values() if about.group in claim.judged))):
+        if not all(map(self._has, (about for about in operations().values() if is_needed(about, claim.judged)))):
             wrong.append("operations" if self.classes is None else "classes")
         if wrong:
             raise UsageError(

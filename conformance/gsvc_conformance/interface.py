@@ -12,10 +12,11 @@ from gsvc_conformance.causes import Causes
 from gsvc_conformance.implementations import collect
 from gsvc_conformance.operation import checked_operations
 from gsvc_conformance.report.console import cause_lines, result_lines
-from gsvc_conformance.results import FAULTS, Report, Result
+from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.runner import Answered, Judged, judge_answer
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.verdicts import Report
 
 
 def vectors(

@@ -1,7 +1,7 @@
 """Operations: all that an implementation can be asked to do, each a function of named inputs to named outputs."""
 
 import importlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Final, Literal
@@ -27,6 +27,10 @@ ByModel = Callable[[ErrorModel, Mapping[str, Expectation], Values], Mapping[str,
 
 OPTIONS: Final = ("seeking", "sizes", "layers")
 """Classes that a claim names as options."""
+DRAWING: Final = ("rendering", "deterministic")
+"""Classes of which a decoder that draws has one at least."""
+DRAWN: Final = ("decode_layers",)
+"""Operations of other classes that only a decoder that draws needs (R-13-1)."""
 
 MODULES: Final = (
     "bitstream",
@@ -172,6 +176,11 @@ def paired(
 def numbered(section: int, first: int, last: int) -> tuple[str, ...]:
     """The equations of a section from the first to the last."""
     return tuple(f"{section}-{number}" for number in range(first, last + 1))
+
+
+def is_needed(operation: Operation, classes: Collection[str]) -> bool:
+    """Whether a claim of some classes needs an operation (R-13-1)."""
+    return operation.group in classes and (operation.name not in DRAWN or not {*DRAWING}.isdisjoint(classes))
 
 
 def exactly(function: Callable[..., Values]) -> Callable[..., dict[str, Expectation]]:

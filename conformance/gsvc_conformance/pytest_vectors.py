@@ -30,12 +30,13 @@ from gsvc_conformance.process import ProcessImplementation
 from gsvc_conformance.pytest_plugin import JUDGED, NODE, is_vector
 from gsvc_conformance.report.console import INDENT, cause_lines, detail_lines, examined_of, headed
 from gsvc_conformance.report.json import result_from, result_object
-from gsvc_conformance.results import FAULTS, NOT_ASKED, OUTCOMES, Report, Result, difficulty
+from gsvc_conformance.results import FAULTS, NOT_ASKED, OUTCOMES, Result, difficulty
 from gsvc_conformance.runner import excused, judge_vector
 from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.spelling import question
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import ALL_TIERS, Selection, VectorFolder
+from gsvc_conformance.verdicts import Report
 from gsvc_conformance.waivers import read_waivers
 
 SUITE: Final = NODE.rstrip(":")

@@ -87,9 +87,14 @@ def unpack(elements: Array, entry: Mapping[str, Any], path: Path | None = None) 
     if elements.ndim != 1 or not fits or too_large or sum(run[0] for run in runs) != count:
         file = path or entry["file"]
         raise UsageError(f"the runs of {file} do not fit its {elements.size} elements and the shape {shape}")
-    parts = [np.resize(np.roll(elements[f : f + length], -phase), n) for n, f, length, phase in runs]
+    parts = [_repeated(np.roll(elements[first : first + length], -phase), n) for n, first, length, phase in runs]
     flat = np.concatenate([elements[:0], *parts])
     return (np.cumsum(flat, dtype=flat.dtype) if entry.get("differences") else flat).reshape(shape)
+
+
+def _repeated(block: Array, n: int) -> Array:
+    """The first n elements of a block that comes again and again; np.resize joins as many arrays as it repeats."""
+    return np.broadcast_to(block, (-(-n // len(block)), len(block))).reshape(-1)[:n]
 
 
 class _Search:

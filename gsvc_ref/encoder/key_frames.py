@@ -22,7 +22,7 @@ Frames are numbered from 0 here; the paper's t is the number plus 1.
 
 import math
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import Final, Literal, NamedTuple
 
@@ -154,10 +154,10 @@ class _Frame(NamedTuple):
     is_key: bool = False
 
 
-def exceeds(value: Fraction, values: Iterable[Fraction], threshold: Fraction) -> bool:
+def exceeds(value: Fraction, values: Sequence[Fraction], threshold: Fraction) -> bool:
     """Whether value > mean + threshold * standard deviation of the values, exactly."""
-    n, total, squares = 0, Fraction(0), Fraction(0)
-    for other in values:
-        n, total, squares = n + 1, total + other, squares + other * other
-    above = n * value - total
+    unit = math.lcm(value.denominator, *(other.denominator for other in values))
+    wholes = [other.numerator * (unit // other.denominator) for other in values]  # fewer operations than in fractions
+    n, total, squares = len(wholes), sum(wholes), sum(whole * whole for whole in wholes)
+    above = n * value.numerator * (unit // value.denominator) - total
     return above > 0 and above * above > threshold * threshold * (n * squares - total * total)  # (10-29)

@@ -57,10 +57,6 @@ def test_vectors(judge, operation):
     assert all(result.outcome == "pass" for result in judge(MODULE, operation))
 
 
-def test_operations_are_exported():
-    assert set(opencl.__all__) == {*OPERATIONS, "environment"}
-
-
 def test_the_docstring_names_what_is_missing():
     parsers = {"read_stream", "decode_plane", "encode_plane", "planes_to_frame", "frame_to_planes", "metrics"}
     missing = operations().keys() - set(OPERATIONS) - parsers - {"encode_video"}  # it is no encoder

@@ -7,10 +7,10 @@ import pytest
 import toy_operations
 import toy_reports
 
-from gsvc_conformance.results import Report
+from gsvc_conformance.verdicts import Report
 
 USERS = (
-    "vector", "results", "vector_folder", "report.comparison", "operation", "commands.judging", "commands.list",
+    "vector", "verdicts", "vector_folder", "report.comparison", "operation", "commands.judging", "commands.list",
     "commands.verify",
     "reference", "implementations", "features", "pytest_vectors",
 )  # fmt: skip

@@ -11,12 +11,13 @@ from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.report.console import cause_lines
 from gsvc_conformance.report.element_tables import _relation
-from gsvc_conformance.results import OutputResult, Report, Result, simplest_first
+from gsvc_conformance.results import OutputResult, Result, simplest_first
 from gsvc_conformance.runner import judge_vector
 from gsvc_conformance.side_by_side import _cell
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.verdicts import Report
 
 
 def searched(functions, names):

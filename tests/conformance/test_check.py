@@ -119,6 +119,9 @@ def test_a_layer_where_there_are_none_is_refused():
         assert finding.other == ""
         if not legal:
             assert (finding.error.split()[1], finding.quality, finding.layer) == ("R-15.13-1", 0, 1)
+    chunks = split_chunks(base)
+    of_no_frame = examine("x", join_chunks([chunks[0], layer, *chunks[1:]], prefix=base[:PREFIX_SIZE]))
+    assert (of_no_frame.legal, of_no_frame.quality, of_no_frame.layer) == (True, 0, None)
 
 
 def test_bytes_of_layers_are_those_of_their_frames():

@@ -19,9 +19,10 @@ from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.json import from_object, to_object
 from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
 from gsvc_conformance.spec import namespace
 from gsvc_conformance.vector import sums_of
+from gsvc_conformance.verdicts import Report
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vector set": "1"}
 SET = "GSVC vectors 1 (sha256 18fb5299…)"
@@ -188,6 +189,31 @@ def test_options_are_classes_and_live_is_declared():
         f"passes {SET}, class sizes, profile paper, level 1, 0 waivers",
         "declares live, which no vector judges",
     ]
+
+
+LAYERS = Result("core/reconstruct_layers/x", "Shows x.", "layers", "pass", profile="main")
+NOT_DRAWN = Result("core/decode_layers/x", "Shows x.", "layers", "unsupported", profile="main")
+
+
+@pytest.mark.parametrize(
+    ("classes", "exit_code"),
+    [(("reconstruction",), 0), (("bitstream", "rendering"), 1), (("bitstream", "deterministic"), 1)],
+)
+def test_a_claim_of_layers_needs_their_frames_only_where_frames_are_drawn(classes, exit_code):
+    report = report_of(LAYERS, NOT_DRAWN, claim=Claim(classes, "main", 5, ("layers",)))
+    assert report.exit_code == exit_code
+    wrong = report_of(LAYERS, replace(NOT_DRAWN, outcome="fail"), claim=report.claim)
+    assert wrong.exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("drawn", "verdict"),
+    [([], "incomplete"), (["unsupported"], "passed"), (["unsupported", "pass"], "incomplete")],
+)
+def test_without_a_claim_who_draws_nothing_passes_layers(drawn, verdict):
+    report = report_of(LAYERS, NOT_DRAWN, *(result(1, outcome, slug=outcome) for outcome in drawn))
+    (layers,) = (group for group in report.groups() if group.name == "layers")
+    assert layers.verdict == verdict
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,8 @@ from gsvc_conformance.__main__ import main
 from gsvc_conformance.commands.compare import BEGIN, END
 from gsvc_conformance.report.comparison import Entry, comparison, operation_cell
 from gsvc_conformance.report.json import to_text
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
+from gsvc_conformance.verdicts import Report
 
 
 def report_of(name, outcomes, runs_on=None, **environment) -> Report:

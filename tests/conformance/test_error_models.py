@@ -20,7 +20,8 @@ from gsvc_conformance.claim import read_claim
 from gsvc_conformance.expectations import Bounded
 from gsvc_conformance.operation import operations
 from gsvc_conformance.report.json import from_object
-from gsvc_conformance.results import Report, Result
+from gsvc_conformance.results import Result
+from gsvc_conformance.verdicts import Report
 
 OPERATIONS = ("render_sum", "render_frame", "render_gradients", "loss")
 NARROW = [model for model in ERROR_MODELS.values() if model.narrow]

@@ -18,8 +18,9 @@ from gsvc_base.errors import UsageError
 from gsvc_conformance.__main__ import main
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.report.json import from_object, read, to_object
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
 from gsvc_conformance.runner import judge_outputs
+from gsvc_conformance.verdicts import Report
 
 ROOT = Path(__file__).parents[2]
 CODES = "\x1b]0;owned\x07 \x9b31m \x7f \r \u202egnp \u2066 \ud800"

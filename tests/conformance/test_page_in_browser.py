@@ -15,8 +15,9 @@ from gsvc_conformance.operation import operations
 from gsvc_conformance.report.element_tables import element_table
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.report.pictures import view_of
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
 from gsvc_conformance.vector import Vector
+from gsvc_conformance.verdicts import Report
 
 MANY = 1500
 MAX_BYTES, MAX_FOLDED, SCREEN = 4_000_000, 115, 800  # the second: pixels for each operation

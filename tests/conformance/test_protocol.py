@@ -27,12 +27,13 @@ from gsvc_conformance.implementations import Failure, ModuleImplementation, Unsu
 from gsvc_conformance.operation import operations
 from gsvc_conformance.process import EXIT_UNSUPPORTED, MAX_BYTES, ProcessImplementation
 from gsvc_conformance.report.console import CONCLUSIONS
-from gsvc_conformance.results import EXIT_CODES, OUTCOMES, Verdict
+from gsvc_conformance.results import OUTCOMES
 from gsvc_conformance.runner import judge_vector, run_suite
 from gsvc_conformance.server import ServerImplementation
 from gsvc_conformance.streams import PARTS
 from gsvc_conformance.vector import VECTORS, Vector, files_of, from_files
 from gsvc_conformance.vector_folder import SCHEMA, matches
+from gsvc_conformance.verdicts import EXIT_CODES, Verdict
 
 ROOT = Path(__file__).parents[2]
 PROTOCOL = (ROOT / "conformance" / "protocol.md").read_text(encoding="utf-8")

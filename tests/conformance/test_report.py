@@ -1,6 +1,7 @@
 """The reports of a run: the console, JSON and JUnit XML."""
 
 import json
+from collections import Counter
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -76,8 +77,8 @@ def test_what_the_implementation_tells_of_its_environment(report):
 
 
 def test_progress():
-    assert progress_text("scale", RESULTS) == "scale: 2 pass, 2 wrong"
-    assert progress_text("paint", RESULTS) == "paint: 1 pass, 1 unsupported"
+    assert progress_text("scale", Counter({"pass": 2, "fail": 1, "crash": 1})) == "scale: 2 pass, 2 wrong"
+    assert progress_text("paint", Counter({"pass": 1, "unsupported": 1})) == "paint: 1 pass, 1 unsupported"
 
 
 def test_json_and_back(report):

@@ -15,10 +15,10 @@ from gsvc_conformance.implementations import Unsupported, from_namespace
 from gsvc_conformance.mutants import MUTANTS, Mutant, answer, killed_by, mutant
 from gsvc_conformance.pairs import PAIRS, Free
 from gsvc_conformance.reference import namespace as reference
-from gsvc_conformance.results import Report
 from gsvc_conformance.runner import run_suite
 from gsvc_conformance.vector import VECTORS
 from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.verdicts import Report
 
 
 @pytest.fixture(scope="module")

@@ -10,10 +10,10 @@ from gsvc_conformance.case import Case, Fault
 from gsvc_conformance.expectations import Bounded, Decision, Exact, Expectation, Interval, Refusal
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.operation import Operation, Values, _ports
-from gsvc_conformance.results import Report
 from gsvc_conformance.runner import run_suite
 from gsvc_conformance.vector import files_of, write
 from gsvc_conformance.vector_folder import Selection, VectorFolder
+from gsvc_conformance.verdicts import Report
 
 
 def scale(values, factor):

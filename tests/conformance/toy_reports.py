@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from toy_operations import OPERATIONS
 
-from gsvc_conformance.results import OutputResult, Report, Result
+from gsvc_conformance.results import OutputResult, Result
+from gsvc_conformance.verdicts import Report
 
 
 def result(slug, outcome="pass", operation="scale", tier="core", ratio=0.5, **changes) -> Result:

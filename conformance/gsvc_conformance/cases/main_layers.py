@@ -11,7 +11,7 @@ from gsvc_base.draws import Draws
 from gsvc_conformance.case import Inputs, case
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import on, operated, result
-from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, crowd, frame_of
+from gsvc_conformance.cases.main_streams import MAIN_HEADER, READ, Plan, crowd, frame_of
 from gsvc_ref.bitstream import SequenceHeader
 from gsvc_ref.bitstream.bit_writer import Writer
 from gsvc_ref.bitstream.coder import encode_uv
@@ -21,7 +21,7 @@ from gsvc_ref.main.codes import NO_FIELD, MainCodes
 from gsvc_ref.main.frames import frame_body
 from gsvc_ref.main.kept_state import MainState
 from gsvc_ref.main.layers import Layers
-from gsvc_ref.testing import OVERVIEW_HEADER, overview_frames, write_stream
+from gsvc_ref.testing import OVERVIEW_HEADER, Lie, overview_frames, write_stream
 
 Edit = Callable[[bytes], bytes]
 """What makes the payload of a chunk from the one that is right."""
@@ -102,7 +102,9 @@ def with_layers(
                 found.append((kind, payload))
         return found
 
-    return operated(edit, write_stream(replace(made, qualities=()), base, index=False))
+    unchecked = replace(made, qualities=(), paced_flag=False)
+    flags = Lie("flags", 2 * made.paced_flag + made.parameter_checksum_flag)
+    return operated(edit, write_stream(unchecked, base, index=False, lies=[flags]))
 
 
 def head(layer: int, layer_type: str, number: int) -> int:
@@ -300,6 +302,13 @@ def base_of_layers() -> Inputs:
     """A decoder that shows the base alone skips the chunks of layers."""
     expected = yield {"stream": with_layers(Draws(19), BASE, LAYERS)}
     assert result(expected, "error") == ""
+
+
+@on("core", *READ, rules=["R-6.2-5"], flags=["unknown"])
+def layers_where_there_are_none() -> Inputs:
+    """Chunks of layers, and a layer_count of 1: a decoder that shows the base skips them, as it skips others."""
+    expected = yield {"stream": with_layers(Draws(19), BASE, LAYERS, layer_count=1)}
+    assert len(result(expected, "counts")) == len(BASE)
 
 
 @on("core", *QUALITY, rules=["R-15.13-2"], flags=["kept"])

@@ -223,7 +223,7 @@ def examine(file: str, data: bytes, decoders: tuple[str, ...] = DECODERS, on_fra
         legal = not first.error and not other
         if not legal:
             break
-    greatest = quality - (not legal)
+    greatest = min(quality - (not legal), header.get("layer_count", 1) - 1)
     sizes = _frame_sizes(chunks, with_layers=header.get("layer_count", 1) > 1)
     frames = tuple(Frame(*frame, size) for frame, size in zip(first.frames, sizes, strict=False))
     return Finding(

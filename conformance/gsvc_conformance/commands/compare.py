@@ -13,7 +13,7 @@ from gsvc_conformance.commands import count
 from gsvc_conformance.report.comparison import Entry, comparison, read_speeds
 from gsvc_conformance.report.json import read
 from gsvc_conformance.report.regressions import changes, conclusion_of, describe_changes
-from gsvc_conformance.results import Report
+from gsvc_conformance.verdicts import Report
 
 BEGIN: Final = "<!-- begin: gsvc-conformance compare -->"
 END: Final = "<!-- end -->"

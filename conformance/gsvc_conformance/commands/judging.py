@@ -7,7 +7,7 @@ import platform
 import shlex
 import sys
 from argparse import ArgumentParser, Namespace
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,10 +32,11 @@ from gsvc_conformance.implementations import Implementation, checked_environment
 from gsvc_conformance.operation import operations
 from gsvc_conformance.report.console import describe, last_line, progress_text
 from gsvc_conformance.report.kept import forget, keep_files
-from gsvc_conformance.results import FAULTS, Report, Result
+from gsvc_conformance.results import FAULTS, Outcome, Result
 from gsvc_conformance.runner import Judged, run_suite
 from gsvc_conformance.vector import SPEC_VERSION, VECTORS
 from gsvc_conformance.vector_folder import Selection, VectorFolder, matches
+from gsvc_conformance.verdicts import Report
 from gsvc_conformance.waivers import Waivers, read_waivers, renewed, to_toml
 
 if TYPE_CHECKING:
@@ -235,6 +236,7 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
     from gsvc_conformance.report.pictures import PictureBook
 
     done: list[Result] = []
+    counts: defaultdict[str, Counter[Outcome]] = defaultdict(Counter)
     causes, book = Causes(), PictureBook()
     try:
         with ProgressDisplay(quiet=arguments.quiet) as display:
@@ -242,7 +244,9 @@ def _asked(arguments: Namespace, plan: _Plan, implementation: Implementation) ->
             def on_result(judged: Judged) -> None:
                 done.append(judged.result)
                 causes.add(judged)
-                display.update(progress_text(judged.result.operation, done), len(done), len(plan.names))
+                count = counts[judged.result.operation]
+                count[judged.result.outcome] += 1
+                display.update(progress_text(judged.result.operation, count), len(done), len(plan.names))
                 if judged.result.outcome in FAULTS and arguments.keep:
                     keep_files(arguments.keep, judged)
                 if judged.result.outcome == "fail" and judged.outputs is not None and arguments.html:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from gsvc_base.errors import UsageError
 from gsvc_base.files import standard_stream, write_text
-from gsvc_conformance.results import Report
+from gsvc_conformance.verdicts import Report
 
 if TYPE_CHECKING:
     from gsvc_conformance.report.pictures import View

@@ -13,8 +13,8 @@ from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.failures import NO_PICTURES
 from gsvc_conformance.report.json import read
 from gsvc_conformance.report.pictures import PictureBook
-from gsvc_conformance.results import Report
 from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.verdicts import Report
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from gsvc_conformance.profiles import ANY
-from gsvc_conformance.results import Conclusion, Report, Result, Summary
+from gsvc_conformance.results import Result
+from gsvc_conformance.verdicts import Conclusion, Report, Summary
 
 LABEL: Final = "GSVC conformance"
 COLORS: Final[Mapping[Conclusion, str]] = {

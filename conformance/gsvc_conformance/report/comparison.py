@@ -10,7 +10,6 @@ from gsvc_conformance.operation import Group, operations
 from gsvc_conformance.profiles import PROFILES
 from gsvc_conformance.reading import read_json
 from gsvc_conformance.report.console import conclusion, ratio_text
-from gsvc_conformance.results import Report, Summary
 from gsvc_conformance.schema import (
     LIST,
     NAMED_TEXTS,
@@ -23,6 +22,7 @@ from gsvc_conformance.schema import (
     checked,
     cut,
 )
+from gsvc_conformance.verdicts import Report, Summary
 
 SPEEDS: Final = "speeds/1"
 """The form of the file that ``python -m gsvc_lab.benchmarks.adapters`` writes."""

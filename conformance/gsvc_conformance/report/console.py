@@ -11,8 +11,9 @@ from typing import Final
 from gsvc_base.cli.text import plural, table
 from gsvc_conformance.causes import MEND, looks_like
 from gsvc_conformance.diagnosis import EXAMINED, MAYBE, VAGUE, is_place
-from gsvc_conformance.results import FAULTS, REFUSED, Conclusion, Report, Result, Summary, Table
+from gsvc_conformance.results import FAULTS, REFUSED, Outcome, Result, Table
 from gsvc_conformance.spec import complexity
+from gsvc_conformance.verdicts import Conclusion, Report, Summary
 
 INDENT: Final = "  "
 END_LINES: Final = 3
@@ -341,9 +342,8 @@ def ratio_text(ratio: float | None) -> str:
     return f"{ratio:.3g}" if math.isfinite(ratio) else "infinite"
 
 
-def progress_text(operation: str, results: Sequence[Result]) -> str:
-    """The progress line's words about the operation that runs."""
-    count = Counter(result.outcome for result in results if result.operation == operation)
+def progress_text(operation: str, count: Counter[Outcome]) -> str:
+    """The progress line's words about the operation that runs, from its vectors by outcome."""
     wrong = sum(count[outcome] for outcome in FAULTS)
     parts = [f"{count['pass']} pass", f"{wrong} wrong" if wrong else "", plural_unsupported(count["unsupported"])]
     return f"{operation}: {', '.join(part for part in parts if part)}"

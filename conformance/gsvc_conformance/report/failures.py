@@ -14,8 +14,9 @@ from gsvc_conformance.report.measures import LEAST_POWER, MOST_POWER, NOT_FINITE
 from gsvc_conformance.report.overview import places_text
 from gsvc_conformance.report.pictures import Picture, View
 from gsvc_conformance.report.png import png_uri
-from gsvc_conformance.results import Report, Result, Table
+from gsvc_conformance.results import Result, Table
 from gsvc_conformance.side_by_side import RIGHT
+from gsvc_conformance.verdicts import Report
 
 MAX_FAULTS: Final = 2000
 """Maximum number of wrong vectors that are described; all of them stand in the table of vectors."""

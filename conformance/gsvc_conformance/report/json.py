@@ -16,7 +16,7 @@ from gsvc_conformance.claim import read_claim
 from gsvc_conformance.features import features_of
 from gsvc_conformance.profiles import ANY
 from gsvc_conformance.reading import read_json
-from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Report, Result, Summary, Table
+from gsvc_conformance.results import OUTCOMES, REFUSED, OutputResult, Result, Table
 from gsvc_conformance.schema import (
     COUNT,
     COUNTS,
@@ -36,6 +36,7 @@ from gsvc_conformance.schema import (
     cut,
     shown,
 )
+from gsvc_conformance.verdicts import Report, Summary
 
 AS_WRITTEN: Final = ", as `run --json` wrote it"
 FORMAT: Final = "gsvc-conformance-report/1"

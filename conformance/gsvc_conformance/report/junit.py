@@ -4,7 +4,8 @@ import re
 from xml.etree import ElementTree as ET
 
 from gsvc_conformance.causes import looks_like
-from gsvc_conformance.results import FAULTS, Report, Result
+from gsvc_conformance.results import FAULTS, Result
+from gsvc_conformance.verdicts import Report
 
 NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """Characters that XML 1.0 cannot hold, not even escaped."""

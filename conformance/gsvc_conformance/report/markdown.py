@@ -16,7 +16,8 @@ from gsvc_conformance.report.console import (
     ratio_text,
 )
 from gsvc_conformance.report.overview import causes_heading, places_text
-from gsvc_conformance.results import Report, Result, Summary
+from gsvc_conformance.results import Result
+from gsvc_conformance.verdicts import Report, Summary
 
 MAX_BYTES: Final = 60_000
 """Maximum length: a comment on GitHub holds 65,536 characters."""

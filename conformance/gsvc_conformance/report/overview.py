@@ -6,7 +6,8 @@ from typing import Final
 
 from gsvc_base.cli.text import plural
 from gsvc_conformance.report.console import Cause, conclusion, folded, probable_causes, ratio_text
-from gsvc_conformance.results import OUTCOMES, Report, Summary
+from gsvc_conformance.results import OUTCOMES
+from gsvc_conformance.verdicts import Report, Summary
 
 BADGES: Final[Mapping[str, str]] = {"passed": "good", "incomplete": "warn", "failed": "bad"}
 """Classes of style of verdicts and conclusions."""

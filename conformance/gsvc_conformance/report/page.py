@@ -13,7 +13,8 @@ from gsvc_conformance.report.console import feature_counts, folded, ratio_text, 
 from gsvc_conformance.report.failures import failures_section, filter_form
 from gsvc_conformance.report.overview import BADGES, overview_section, quotes_list
 from gsvc_conformance.report.pictures import View
-from gsvc_conformance.results import FAULTS, Report, Result, Summary
+from gsvc_conformance.results import FAULTS, Result
+from gsvc_conformance.verdicts import Report, Summary
 
 MAX_ADVICE: Final = 200
 """Maximum number of refusals whose rule is another one that are listed."""

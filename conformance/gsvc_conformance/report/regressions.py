@@ -8,7 +8,8 @@ from typing import Final
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.report.console import describe_fault
-from gsvc_conformance.results import FAULTS, Report, Result, simplest_first
+from gsvc_conformance.results import FAULTS, Result, simplest_first
+from gsvc_conformance.verdicts import Report
 
 ALIKE: Final = ("vectors", "kit", "implementation")
 """Entries of the environment by which a change may be none of the implementation's own."""

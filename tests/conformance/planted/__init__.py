@@ -35,10 +35,10 @@ from gsvc_conformance.diagnosis import VAGUE
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.profiles import ANY
 from gsvc_conformance.report.console import WHERE, begin_lines, cause_lines
-from gsvc_conformance.results import Report
 from gsvc_conformance.runner import Judged, judge_vector
 from gsvc_conformance.vector import VECTORS, Vector
 from gsvc_conformance.vector_folder import VectorFolder
+from gsvc_conformance.verdicts import Report
 
 Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
 Known = Literal["older", "newer", "reported", "third", "unchecked", "peers", "autograd"]

@@ -17,8 +17,9 @@ import numpy as np
 from gsvc_conformance.process import npy
 from gsvc_conformance.reading import Folder
 from gsvc_conformance.report.json import to_text
-from gsvc_conformance.results import OutputResult, Report, Result, Table
+from gsvc_conformance.results import OutputResult, Result, Table
 from gsvc_conformance.vector import MANIFEST, SUMS, VECTORS, vector_in
+from gsvc_conformance.verdicts import Report
 
 from .stream_mutations import bytes_changed
 

@@ -18,7 +18,7 @@ has the lanes.
 """
 
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import wgpu
@@ -28,48 +28,6 @@ from gsvc_conformance.adapters.webgpu import reconstruction, rendering, training
 from gsvc_conformance.adapters.webgpu.entropy import decode_symbols, encode_symbols
 from gsvc_conformance.adapters.webgpu.gpu import Array, device
 from gsvc_conformance.adapters.webgpu.main_profile import MAIN
-
-__all__ = [
-    "adapt_model",
-    "cells_of_halves",
-    "codes_of_classes",
-    "decode_layers",
-    "decode_plane",
-    "decode_stream",
-    "decode_stream_deterministic",
-    "density_frequencies",
-    "encode_plane",
-    "encode_run",
-    "environment",
-    "field_vectors",
-    "from_half",
-    "half_frequencies",
-    "lsq_dequantize",
-    "main_inter",
-    "main_intra",
-    "main_work",
-    "mode_contexts",
-    "model_frequencies",
-    "motion_of_splats",
-    "read_main_stream",
-    "read_stream",
-    "reconstruct_inter",
-    "reconstruct_intra",
-    "reconstruct_layers",
-    "reconstruct_stream",
-    "render_frame",
-    "render_gradients",
-    "render_sum",
-    "render_sum_deterministic",
-    "scale_parameters",
-    "scale_parameters_filtered",
-    "splat_classes",
-    "state_parameters",
-    "to_frame",
-    "to_frame_deterministic",
-    "to_half",
-    "window_frequencies",
-]
 
 Outputs = dict[str, Array]
 
@@ -189,44 +147,12 @@ splat_classes = MAIN.splat_classes
 state_parameters = MAIN.state_parameters
 window_frequencies = MAIN.window_frequencies
 
-_STREAM_OPERATIONS = stream_operations(_BACK_END, decode_symbols, MAIN)
-
-
-def read_stream(stream: bytes) -> dict[str, Any]:
-    """The contents of a stream's bytes: section 12.4."""
-    return _STREAM_OPERATIONS["read_stream"](stream)
-
-
-def decode_plane(**inputs: Any) -> dict[str, Any]:
-    """The symbols of a plane, u2 (count,): section 6.6 and (7-1)."""
-    return _STREAM_OPERATIONS["decode_plane"](**inputs)
-
-
-def reconstruct_stream(stream: bytes) -> dict[str, Any]:
-    """The splats of all complete frames, and the first fault: section 12.4."""
-    return _STREAM_OPERATIONS["reconstruct_stream"](stream)
-
-
-def decode_stream(stream: bytes) -> dict[str, Any]:
-    """The frames of a stream, in `bounded` rendering: section 12.4."""
-    return _STREAM_OPERATIONS["decode_stream"](stream)
-
-
-def decode_stream_deterministic(stream: bytes) -> dict[str, Any]:
-    """The frames of a stream, in `deterministic` rendering: section 12.4."""
-    return _STREAM_OPERATIONS["decode_stream_deterministic"](stream)
-
-
-def read_main_stream(stream: bytes) -> dict[str, Any]:
-    """The contents of the bytes of a stream of profile `main`: section 15.12."""
-    return _STREAM_OPERATIONS["read_main_stream"](stream)
-
-
-def decode_layers(stream: bytes, layer: int) -> dict[str, Any]:
-    """The frames in the quality of a layer: section 15.13."""
-    return _STREAM_OPERATIONS["decode_layers"](stream, layer)
-
-
-def reconstruct_layers(stream: bytes, layer: int) -> dict[str, Any]:
-    """The splats of all complete frames in the quality of a layer, and the first fault: section 15.13."""
-    return _STREAM_OPERATIONS["reconstruct_layers"](stream, layer)
+_STREAMS: Final = stream_operations(_BACK_END, decode_symbols, MAIN)
+read_stream = _STREAMS["read_stream"]
+decode_plane = _STREAMS["decode_plane"]
+reconstruct_stream = _STREAMS["reconstruct_stream"]
+decode_stream = _STREAMS["decode_stream"]
+decode_stream_deterministic = _STREAMS["decode_stream_deterministic"]
+read_main_stream = _STREAMS["read_main_stream"]
+decode_layers = _STREAMS["decode_layers"]
+reconstruct_layers = _STREAMS["reconstruct_layers"]
