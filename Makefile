@@ -77,8 +77,8 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 		--waivers conformance/gsvc_conformance/adapters/gsplat_cuda/expected_failures.toml
 	-PYTHONPATH=tests/adapters $(BIN)/gsvc-conformance run --module gsplat_predicted $(call report,gsplat_cuda-predicted)
 	$(BIN)/python -m gsvc_lab.benchmarks.adapters --json docs/reports/speeds.json
-	$(BIN)/gsvc-conformance compare $$(ls docs/reports/*.json | grep -v /speeds.json) \
-		--speeds docs/reports/speeds.json --markdown docs/reports/README.md
+	$(BIN)/gsvc-conformance compare $$(LC_ALL=C ls docs/reports/*.json | grep -v /speeds) \
+		$$(LC_ALL=C ls docs/reports/speeds*.json | sed 's/^/--speeds /') --markdown docs/reports/README.md
 
 kaitai: .venv/.ready-test,kaitai            ## compile docs/gsvc.ksy, parse all vectors with it and draw docs/gsvc.svg (npm, node and graphviz)
 	npm install --silent --no-fund --no-audit --prefix .venv/kaitai kaitai-struct-compiler@0.11.0 js-yaml@5.5.0

@@ -23,6 +23,11 @@ results are a Markdown table and the file
 Every work is in `seconds` or in `missing`; `low` and `high` are quartiles. An implementation that cannot be imported is
 in neither table nor file; which and why is printed. Where a module stands in the file more than once, with other
 `settings`, the report of the kit that belongs to it is the one with the same `environment`.
+
+What was measured on a GPU by other means has the same form, in a file of its own such as docs/reports/speeds-h200.json:
+`machine` has the entries `card` and `driver`, of `seconds` only `median` is needed, and nothing has to be `missing`.
+The works in the list `rates`, which may be left out, are shown as frames per second. Times of an implementation whose
+`environment` names a device then appear beside no card: a driver for CPUs tells nothing of a GPU.
 """
 
 import argparse

@@ -1,5 +1,10 @@
 """The PyTorch adapter: every operation by the vectors, and what no vector is large enough for."""
 
+import ast
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -68,6 +73,38 @@ def test_the_environment_names_versions():
     environment = pytorch.environment()
     assert environment["PyTorch"] == torch.__version__
     assert all(isinstance(text, str) and text for text in environment.values())
+
+
+def test_the_environment_of_a_gpu_names_its_driver(monkeypatch):
+    monkeypatch.setattr(pytorch, "DEVICE", torch.device("cuda"))
+    monkeypatch.setattr(torch.cuda, "get_device_name", lambda _: "NVIDIA H200")
+    monkeypatch.setattr(torch.cuda, "get_device_capability", lambda _: (9, 0))
+    answer = SimpleNamespace(stdout="580.159.04\n580.159.04\n")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: answer)
+    told = pytorch.environment()
+    assert (told["device"], told["driver"], told["compute capability"]) == ("NVIDIA H200", "580.159.04", "9.0")
+
+    def missing(*_, **__):
+        raise FileNotFoundError("nvidia-smi")
+
+    monkeypatch.setattr(subprocess, "run", missing)
+    assert "driver" not in pytorch.environment()
+
+
+BY_ATOMICS = {"index_add", "index_add_", "index_reduce", "scatter_add", "scatter_add_", "scatter_reduce"}
+"""Functions of tensors that add by float atomics with CUDA, and those whose backward pass does."""
+BACKWARD_BY_ATOMICS = {"index_select", "gather", "take", "take_along_dim", "embedding"}
+
+
+def test_no_sum_goes_through_float_atomics_which_flush_subnormal_numbers():
+    def called(path):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        return {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+
+    files = sorted(Path(pytorch.__file__).parent.glob("*.py"))
+    assert not {path.name: found for path in files if (found := called(path) & BY_ATOMICS)}
+    differentiated = [Path(module.__file__) for module in (rendering, tiles, training)]
+    assert not {path.name: found for path in differentiated if (found := called(path) & BACKWARD_BY_ATOMICS)}
 
 
 @pytest.mark.parametrize("name", ["no such device", "meta", "cuda:99"])

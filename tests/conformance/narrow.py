@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gsvc_base.constants import LN_255
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.rendering.bounds import coverage_margin
 from gsvc_base.rendering.definition import footprint
 from gsvc_base.rendering.error_models import LOCAL, ErrorModel
@@ -174,6 +174,38 @@ class Narrow:
         loss = self.stored(self.binary32(self.total(squares) / pixels))
         residual = self.stored(self.binary32(self.sum(difference, difference) / pixels))
         return {"loss": np.asarray(loss, np.float64), "residual": residual.astype(np.float32)}
+
+
+class Flushing(Narrow):
+    """Binary32 that takes every subnormal number for zero, as float atomics of GPUs do; sums are formed in pairs."""
+
+    def binary32(self, x):
+        rounded = super().binary32(x)
+        return np.where(abs(rounded) < SMALLEST_NORMAL, 0.0, rounded)
+
+    def total(self, terms):
+        while len(terms) > 1:
+            terms = self.sum(*np.concatenate([terms, np.zeros(len(terms) % 2)]).reshape(2, -1))
+        return terms.sum()
+
+
+class TermByTerm(Narrow):
+    """The terms of (10-7) as they are written: v1 and v2 at each pixel, in place of moments."""
+
+    def render_gradients(self, parameters, residual):
+        gradients = super().render_gradients(parameters, residual)["gradients"]
+        height, width, _ = residual.shape
+        for n, at, u1, u2, g in self.weights(parameters, width, height):
+            l11, l21, l22, *color = parameters[n, 2:].astype(np.float64)
+            v2 = self.product(u2, self.reciprocal(l22))
+            v1 = self.product(self.sum(u1, -self.product(l21, v2)), self.reciprocal(l11))
+            q = self.product(g, (residual[at] * color).sum(axis=2))
+            gradients[n, :2] = [self.total(self.product(q, v)[g > 0]) for v in (v1, v2)]
+        return {"gradients": gradients}
+
+
+class FlushingTermByTerm(TermByTerm, Flushing):
+    """Both: what (13-16) has no room for."""
 
 
 def shifted(double, by):

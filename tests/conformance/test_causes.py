@@ -146,7 +146,7 @@ def test_errors_beyond_a_third_of_the_bound_are_a_note():
     (note,) = _unusual_notes(passed)
     assert note == (
         "render_sum: 2 of 4 vectors pass with more than a third of the error that is allowed, core/render_sum/v3 with "
-        "0.75 of it: allowed, and unusual"
+        "0.75 of it: allowed, and unusual (on an H200 it was at most 0.16)"
     )
     assert list(_unusual_notes(passed[:2])) == []
 

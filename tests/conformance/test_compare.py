@@ -113,13 +113,36 @@ def test_what_cannot_be_compared_is_told(entries):
 
 
 def test_speeds_stand_beside_by_implementation_and_environment(entries):
-    text = comparison(entries, SPEEDS)
+    text = comparison(entries, [{**SPEEDS, "rates": []}])
     assert "Milliseconds, medians, measured on 2026-02-01 (cpu: Some CPU; cores: 2):" in text
     assert rows(text, "work") == [
         ["work", "good", "ours", "good (X=1)"],
+        ["on", "device:  a&#124;b", "", "device: other"],
         ["render_sum, 19x7", "12.3", "500", "9e+03"],
         ["adan_step", "–", "1", "–"],
     ]
+
+
+def test_speeds_of_a_card_have_a_table_of_their_own_and_take_the_place_of_those_without(entries):
+    card = {
+        "form": "speeds/1", "date": "2026-02-02", "machine": {"card": "Some GPU", "driver": "1.2"},
+        "works": {"picture": "a picture", "step": "a step"}, "rates": ["picture"],
+        "implementations": [
+            {"implementation": "pkg.good", "settings": {}, "environment": {"device": "Some GPU"},
+             "seconds": {"picture": {"median": 1 / 12345}, "step": {"median": 0.002}}},
+            {"implementation": "ours", "settings": {}, "environment": {}, "seconds": {"picture": {"median": 0.01}}},
+        ],
+    }  # fmt: skip
+    text = comparison(entries, [card, {**SPEEDS, "rates": []}])
+    heading = "Milliseconds, or frames per second (/s), medians, measured on 2026-02-02 (card: Some GPU; driver: 1.2):"
+    gpu, cpu = text.partition(heading)[2].split("\n\n")[1::2]
+    assert rows(gpu, "work") == [
+        ["work", "good", "ours"],
+        ["on", "device: Some GPU", ""],
+        ["a picture", "12,345 /s", "100 /s"],
+        ["a step", "2", "–"],
+    ]
+    assert rows(cpu, "work") == [["work", "ours"], ["on", ""], ["render_sum, 19x7", "500"], ["adan_step", "1"]]
 
 
 def test_the_command(entries, tmp_path, capsys):

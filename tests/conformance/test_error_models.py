@@ -5,13 +5,25 @@ from functools import cache
 
 import numpy as np
 import pytest
-from narrow import DOWN, NEAREST, RANDOM, ROUNDINGS, Narrow, in_the_frame, shifted, tinted
+from narrow import (
+    DOWN,
+    NEAREST,
+    RANDOM,
+    ROUNDINGS,
+    Flushing,
+    FlushingTermByTerm,
+    Narrow,
+    TermByTerm,
+    in_the_frame,
+    shifted,
+    tinted,
+)
 
 from gsvc_base.errors import UsageError
 from gsvc_base.rendering.bounds import render_exact_with_bound
 from gsvc_base.rendering.error_models import ERROR_MODELS, FP32
 from gsvc_conformance.__main__ import main
-from gsvc_conformance.case import of_operation
+from gsvc_conformance.case import cases, of_operation
 from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.gradients import noise
 from gsvc_conformance.cases.rendering import FAINT
@@ -121,6 +133,23 @@ def test_what_a_model_allows_is_within_the_bounds_of_every_vector(model, roundin
             by_model = operations()[name].by_model(model, expected, inputs)
             double = Narrow(model, rounding, backwards=number % 2 == 1, flushed=rounding in (NEAREST, RANDOM))
             assert faults(double, name, inputs, by_model) == [], case.id
+
+
+UNDERFLOW = "stress/render_gradients/terms_that_underflow", "stress/render_gradients/moments_that_underflow"
+
+
+@pytest.mark.parametrize("double", [Narrow, Flushing, TermByTerm, FlushingTermByTerm])
+def test_who_flushes_adds_moments_and_not_terms_of_gradients(double):
+    for case in (cases()[name] for name in UNDERFLOW):
+        wrong = faults(double(FP32), "render_gradients", *case.run())
+        assert bool(wrong) == (double is FlushingTermByTerm and "terms" in case.id), wrong
+
+
+@pytest.mark.parametrize("rounding", ROUNDINGS)
+def test_flushing_is_within_the_bounds_of_binary32(rounding):
+    for name, makers in ASKED.items():
+        for maker in makers:
+            assert faults(Flushing(FP32, rounding), name, *judged(name, maker, FP32)) == [], f"{name} {maker.__name__}"
 
 
 STRICTER = [("tf32/1", "fp32/1"), ("fp16/1", "fp32/1"), ("bf16/1", "tf32/1"), ("bf16/1", "fp16/1")]

@@ -79,6 +79,9 @@ def test_the_badge_of_a_claim(report):
     claim = read_claim("training,paper,2")
     held = json.loads(badge_json(replace(report, results=RESULTS[:2], claim=claim)))
     assert (held["message"], held["color"]) == ("training level 2", "brightgreen")
+    excused = [RESULTS[0], replace(RESULTS[1], outcome="waived")]
+    waived = json.loads(badge_json(replace(report, results=excused, claim=claim)))
+    assert waived["message"] == "training level 2 (1 waived)"
     fails = json.loads(badge_json(replace(report, results=RESULTS[:3], claim=claim)))
     assert (fails["message"], fails["color"]) == ("training level 2: not held", "red")
     ended = json.loads(badge_json(replace(report, results=RESULTS[:2], ended="ended early")))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gsvc_base.constants import LN_255
+from gsvc_base.constants import LN_255, SMALLEST_NORMAL
 from gsvc_base.draws import Draws
 from gsvc_base.portable import exp
 from gsvc_conformance.case import Inputs, case
@@ -274,6 +274,30 @@ def extreme(value: tuple[float, float, float, float, float], rng: Draws) -> Inpu
     expected = yield {"parameters": splat(*value), "residual": noise(rng, 11, 9) / 4}
     largest = abs(expected["gradients"].value) + expected["gradients"].bound
     assert np.all(largest < np.finfo(np.float32).max)
+
+
+@case("stress", "render_gradients", flags=["subnormal"])
+def terms_that_underflow() -> Inputs:
+    """A splat of 2^60 pixels: each term q v1, q v2 of (10-7) is subnormal, their sums and all moments are not.
+
+    Who takes subnormal numbers for zero has to add moments, as (13-12) does: terms would leave nothing.
+    """
+    residual = np.full((29, 37, 3), 2.0**-12, np.float32)
+    expected = yield {"parameters": splat(-8.0, -8.0, 2.0**60, 0.0, 2.0**60), "residual": residual}
+    gradient, bound = abs(expected["gradients"].value[0]), expected["gradients"].bound[0]
+    assert np.all(gradient[:2] > 100 * bound[:2])
+    assert np.all(gradient[:2] < 29 * 37 * SMALLEST_NORMAL)
+
+
+@case("stress", "render_gradients", flags=["subnormal"])
+def moments_that_underflow() -> Inputs:
+    """A residual of 2^-100 and colours of 2^-30: q is subnormal, and what is left of q may be zero; colours may not."""
+    color = (2.0**-30, 2.0**-31, 2.0**-32)
+    residual = np.full((29, 37, 3), 2.0**-100, np.float32)
+    expected = yield {"parameters": splat(15.2, 10.9, 8.0, 2.0, 7.0, color), "residual": residual}
+    gradient, bound = abs(expected["gradients"].value[0]), expected["gradients"].bound[0]
+    assert np.all((gradient[:5] > 0) & (gradient[:5] <= bound[:5]))
+    assert np.all(gradient[5:] > 1000 * bound[5:])
 
 
 @case("stress", "render_gradients", flags=["degenerate", "overflow"])

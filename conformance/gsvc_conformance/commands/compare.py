@@ -35,7 +35,12 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--quiet", action="store_true", help="name regressions only")
     parser.add_argument("--tables", action="store_true", help="show two reports in tables, too, as more than two")
     parser.add_argument(
-        "--speeds", type=Path, metavar="FILE", help="what `python -m gsvc_lab.benchmarks.adapters` wrote"
+        "--speeds",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="what `python -m gsvc_lab.benchmarks.adapters` wrote, or was measured on a GPU; may be repeated",
     )
     parser.add_argument(
         "--markdown",
@@ -50,7 +55,7 @@ def run(arguments: Namespace) -> int:
     if len(arguments.results) == 2 and not (arguments.tables or arguments.markdown or arguments.speeds):
         return _regressions(read(arguments.results[0]), read(arguments.results[1]), arguments)
     home = arguments.markdown.parent if arguments.markdown else Path()
-    speeds = read_speeds(arguments.speeds) if arguments.speeds else None
+    speeds = [read_speeds(path) for path in arguments.speeds]
     text = comparison(entries(arguments.results, home), speeds)
     if arguments.markdown:
         put_between(arguments.markdown, BEGIN, END, text)

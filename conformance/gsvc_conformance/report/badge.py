@@ -33,7 +33,9 @@ def badge_message(report: Report) -> str:
         return "ended early"
     if report.claim:
         level = f"{_names(report.claim.judged)} level {report.claim.level}"
-        return level if report.passed else f"{level}: not held"
+        waived = sum(result.outcome == "waived" for result in report.results)
+        excused = f" ({waived} waived)" if waived else ""
+        return f"{level}{excused}" if report.passed else f"{level}: not held"
     part = bool(report.selection) and not report.whole
     judged = [summary for summary in (report.operations() if part else report.groups()) if _answered(summary)]
     if not judged:

@@ -1,6 +1,6 @@
 """Several reports beside each other, in Markdown: what was judged where, classes, operations, and speeds."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, get_args
@@ -17,6 +17,7 @@ from gsvc_conformance.schema import (
     NUMBER,
     OBJECT,
     TEXT,
+    TEXTS,
     Kind,
     Schema,
     checked,
@@ -29,7 +30,7 @@ SPEEDS: Final = "speeds/1"
 SPEEDS_FIELDS: Final[Schema] = {
     "form": (Kind(SPEEDS, lambda value: value == SPEEDS), NEEDED),
     "date": (TEXT, NEEDED), "machine": (OBJECT, NEEDED), "works": (NAMED_TEXTS, NEEDED),
-    "implementations": (LIST, NEEDED),
+    "implementations": (LIST, NEEDED), "rates": (TEXTS, []),
 }  # fmt: skip
 MEASURED: Final[Schema] = {
     "implementation": (TEXT, NEEDED), "settings": (OBJECT, NEEDED), "environment": (NAMED_TEXTS, NEEDED),
@@ -38,6 +39,8 @@ MEASURED: Final[Schema] = {
 """The fields of that file that are read, and those of each implementation in it."""
 ALIKE: Final = ("vectors", "spec.md", "kit")
 """Entries of the environment that all reports of a comparison should share."""
+CARD: Final = "card"
+"""What the machine of speeds names that were measured on a GPU."""
 NOTHING, NOT_CLAIMED = "–", "not claimed"
 
 
@@ -60,7 +63,7 @@ class Entry:
     links: Mapping[str, str] = field(default_factory=dict)
 
 
-def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None) -> str:
+def comparison(entries: Sequence[Entry], speeds: Sequence[Mapping[str, Any]] = ()) -> str:
     """The tables, an implementation a column.
 
     Parameters
@@ -68,11 +71,18 @@ def comparison(entries: Sequence[Entry], speeds: Mapping[str, Any] | None = None
     entries
         In the order of the columns.
     speeds
-        The result of `read_speeds`.
+        Results of `read_speeds`, each of which makes a table. What one with a card has of an implementation that names
+        a device stands in no table without a card.
     """
     parts = [_implementations(entries), *_notes(entries), _classes(entries), _operations(entries)]
-    if speeds is not None:
-        parts += _speeds(entries, speeds)
+    on_cards = {
+        one["implementation"]
+        for machine in speeds
+        for one in machine["implementations"]
+        if CARD in machine["machine"] and "device" in one["environment"]
+    }
+    for machine in speeds:
+        parts += _speeds(entries, machine, set() if CARD in machine["machine"] else on_cards)
     return "\n\n".join(parts)
 
 
@@ -190,9 +200,9 @@ def operation_cell(summary: Summary | None, core: float | None) -> str:
     return ", ".join(parts) + (f" ({'; '.join(ratios)})" if ratios else "")
 
 
-def _speeds(entries: Sequence[Entry], speeds: Mapping[str, Any]) -> Iterable[str]:
-    """The medians of all that was measured; columns that are in the reports, too, come first and in their order."""
-    measured = list(speeds["implementations"])
+def _speeds(entries: Sequence[Entry], speeds: Mapping[str, Any], elsewhere: Container[str]) -> Iterable[str]:
+    """The medians of what was measured, but of those `elsewhere`; columns of reports come first and in their order."""
+    measured = [one for one in speeds["implementations"] if one["implementation"] not in elsewhere]
     columns = []
     for entry in entries:
         if (found := _measured(entry.report, measured)) is not None:
@@ -200,11 +210,14 @@ def _speeds(entries: Sequence[Entry], speeds: Mapping[str, Any]) -> Iterable[str
             columns.append((entry.name, found))
     columns += [(_name(other), other) for other in measured]
     machine = "; ".join(f"{name}: {value}" for name, value in speeds["machine"].items())
-    yield f"Milliseconds, medians, measured on {speeds['date']} ({machine}):"
+    unit = "Milliseconds, or frames per second (/s)" if speeds["rates"] else "Milliseconds"
+    yield f"{unit}, medians, measured on {speeds['date']} ({machine}):"
     rows = [
-        [sentence, *(_time_text(found, work) for _, found in columns)] for work, sentence in speeds["works"].items()
+        [sentence, *(_time_text(found, work, work in speeds["rates"]) for _, found in columns)]
+        for work, sentence in speeds["works"].items()
     ]
-    yield table(["work", *(name for name, _ in columns)], rows)
+    on = ["<br>".join(f"{key}: {text}" for key, text in found["environment"].items()) for _, found in columns]
+    yield table(["work", *(name for name, _ in columns)], [["on", *on], *rows])
 
 
 def _measured(report: Report, measured: Sequence[Mapping[str, Any]]) -> Mapping[str, Any] | None:
@@ -225,6 +238,8 @@ def _name(measured: Mapping[str, Any]) -> str:
     return f"{name} ({settings})" if settings else name
 
 
-def _time_text(measured: Mapping[str, Any], work: str) -> str:
-    seconds = measured["seconds"].get(work)
-    return NOTHING if seconds is None else f"{1000 * seconds['median']:.3g}"
+def _time_text(measured: Mapping[str, Any], work: str, as_rate: bool) -> str:
+    if work not in measured["seconds"]:
+        return NOTHING
+    median = measured["seconds"][work]["median"]
+    return f"{1 / median:,.0f} /s" if as_rate and median else f"{1000 * median:.3g}"

@@ -2,12 +2,13 @@
 
     gsvc-conformance run --module gsvc_conformance.adapters.opencl
 
-needs pyopencl (pip install 'gsvc-conformance[adapters]') and a driver: that of a GPU, or PoCL for CPUs (pocl-opencl-icd
-in Debian). PYOPENCL_CTX=0:1 chooses a device, as everywhere in pyopencl; without it, it is the first GPU, or the first
-device of all. A device without binary64 has all operations but `rendering_work`; one without subnormal numbers, or with
-neither binary64 nor correctly rounded quotients, has no exact ones but those of profile `main`, which are made of
-integers. A frame is one buffer, and so are its splats: each
-may be as large as CL_DEVICE_MAX_MEM_ALLOC_SIZE says, often a quarter of the memory.
+needs pyopencl (pip install 'gsvc-conformance[adapters]') and a driver: that of a GPU, or PoCL for CPUs
+(pocl-opencl-icd in Debian). PYOPENCL_CTX=0:1 chooses a device, as everywhere in pyopencl; without it, it is the first
+GPU, or the first device of all. Drivers are found by the files in /etc/OpenCL/vendors, and containers with NVIDIA's
+library may lack nvidia.icd there, a line with the path of libnvidia-opencl.so.1. A device without binary64 has all
+operations but `rendering_work`; one without subnormal numbers, or with neither binary64 nor correctly rounded
+quotients, has no exact ones but those of profile `main`, which are made of integers. A frame is one buffer, and so are
+its splats: each may be as large as CL_DEVICE_MAX_MEM_ALLOC_SIZE says, often a quarter of the memory.
 
 The kernels are in `kernels/`, to be read in this order: splats.cl, lists.cl, render.cl, gradients.cl; then
 reconstruct.cl, checks.cl, training.cl, pruning.cl, quantization.cl, codebooks.cl; and for profile `main`

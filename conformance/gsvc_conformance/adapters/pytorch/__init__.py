@@ -14,6 +14,7 @@ import platform
 
 import torch
 
+from gsvc_conformance.adapters import nvidia
 from gsvc_conformance.adapters.pytorch.color import frame_to_planes, planes_to_frame
 from gsvc_conformance.adapters.pytorch.decisions import converged, pruning_plan, select_key_frames
 from gsvc_conformance.adapters.pytorch.deterministic import (
@@ -82,14 +83,22 @@ from gsvc_conformance.adapters.pytorch.training import (
 
 def environment() -> dict[str, str]:
     """The device, versions and settings that results may depend on."""
-    with_cuda = DEVICE.type == "cuda"
     return {
-        "device": torch.cuda.get_device_name(DEVICE) if with_cuda else f"{DEVICE.type} ({platform.machine()})",
-        "CUDA": torch.version.cuda or f"ROCm {torch.version.hip}" if with_cuda else "not used",
-        **({"compute capability": "{}.{}".format(*torch.cuda.get_device_capability(DEVICE))} if with_cuda else {}),
+        **_device(),
         "vectors": torch.backends.cpu.get_cpu_capability(),
         "threads": str(torch.get_num_threads()),
         "float32 matmul precision": torch.get_float32_matmul_precision(),
         "PyTorch": torch.__version__,
         "Python": platform.python_version(),
+    }
+
+
+def _device() -> dict[str, str]:
+    if DEVICE.type != "cuda":
+        return {"device": f"{DEVICE.type} ({platform.machine()})", "CUDA": "not used"}
+    return {
+        "device": torch.cuda.get_device_name(DEVICE),
+        **nvidia.driver(),
+        "compute capability": "{}.{}".format(*torch.cuda.get_device_capability(DEVICE)),
+        "CUDA": torch.version.cuda or f"ROCm {torch.version.hip}",
     }

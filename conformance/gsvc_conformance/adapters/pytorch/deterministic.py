@@ -3,7 +3,8 @@
 Eager PyTorch runs one kernel per operation, and none of its kernels for +, -, · and / fuses or approximates, neither on
 a CPU nor with CUDA. So writing (9-3) to (9-7) operation by operation is enough. What would break it: torch.compile and
 TorchScript (they fuse), torch.addcmul and the like (one kernel for two operations), torch.set_flush_denormal(True), and
-quotients of a tensor and a Python number other than 1, which become products with a reciprocal.
+quotients of a tensor and a Python number other than 1, which become products with a reciprocal. Kernels that add by
+float atomics (`rendering.render`) are another matter; there is none here.
 """
 
 from typing import Final

@@ -101,7 +101,7 @@ def rvq_update(
     new: list[tuple[Tensor, Tensor, Tensor]] = []
     for k, (book, n, S) in enumerate(zip(books, old_counts, old_sums, strict=True)):
         n = decay * n + (1 - decay) * torch.bincount(chosen[:, k], minlength=len(book))
-        used = torch.zeros_like(S).index_add(0, chosen[:, k], r[k])
+        used = torch.zeros_like(S).index_put((chosen[:, k],), r[k], accumulate=True)
         S = decay * S + (1 - decay) * used  # (10-22)
         smoothed = (n + smoothing) / (n.sum() + len(book) * smoothing) * n.sum()
         moved = torch.where((smoothed > 0)[:, None], S / smoothed[:, None], book.double())  # (10-23)

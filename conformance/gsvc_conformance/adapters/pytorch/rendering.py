@@ -31,6 +31,10 @@ def render(parameters: Tensor, width: int, height: int) -> Tensor:
 
     Differentiable: autograd finds the gradients of 10.3. Memory does not grow with the splats of a pixel: what autograd
     needs is computed again in the backward pass, batch by batch.
+
+    Sums go through `index_put_`, which is the backward pass of indexing, too: CUDA sorts for it. `index_add_`,
+    `scatter_add_` and the backward pass of `index_select` add by float atomics in any order, and those of NVIDIA flush
+    subnormal numbers. A gradient made of many of them would be 0, which (13-16) does not allow.
     """
     grid = Grid(width, height)
     pixels = torch.zeros(grid.tiles, TILE * TILE, 3, device=parameters.device)
@@ -41,7 +45,7 @@ def render(parameters: Tensor, width: int, height: int) -> Tensor:
             part = checkpoint(
                 _batch_sums, splats, members, *grid.centers(tile), use_reentrant=False, preserve_rng_state=False
             )
-            pixels.index_add_(0, tile, part)
+            pixels.index_put_((tile,), part, accumulate=True)
     return grid.picture(pixels)
 
 
@@ -68,9 +72,7 @@ def _batch_sums(splats: Tensor, members: Tensor, columns: Tensor, rows: Tensor) 
     columns, rows
         Pixel centres of the batch's tile, (B, 16) f4 each.
     """
-    batches, size = members.shape
-    last_for_none = members.flatten() % len(splats)  # -1 becomes n - 1
-    chosen = splats.index_select(0, last_for_none).view(batches, size, 8)
+    chosen = splats[members % len(splats)]  # (B, 8, 8); -1 becomes n - 1, `NOWHERE`
     x, y, l11, l21, l22 = chosen[:, :, :5, None, None].unbind(2)  # (B, 8, 1, 1) each
     d_x = columns[:, None, None, :] - x
     d_y = rows[:, None, :, None] - y

@@ -37,10 +37,10 @@ GSVC.RENDER_WGSL = /* wgsl */ `
 struct View {
     origin: vec2<u32>,    // column and row of the first pixel made here: a large frame is made in bands of rows
     extent: vec2<u32>,    // columns and rows made here
-    scale: vec2<f32>,     // a and e of (9-8), and of (9-9) below 1: (1, 1) for the coded size
+    scale: vec2<f32>,     // a and e of (9-8), and of (9-9) below 1: (1, 1) for the coded size. range: 2^-16 to 2^16
     shift: vec2<f32>,     // added to the scaled centres, in pixels: minus left and top of a zoomed view, else (0, 0)
     splat_count: u32,     // of this slice
-    peak: f32,            // 2^bit_depth - 1
+    peak: f32,            // 2^bit_depth - 1. range: 255 to 65535
 }
 
 struct Splat {
@@ -56,6 +56,7 @@ struct Splat {
 @group(0) @binding(2) var<storage, read_write> splats: array<Splat>;
 @group(0) @binding(3) var<storage, read_write> spans: array<vec2<u32>>;     // tile columns of all splats, then rows
 @group(0) @binding(4) var<storage, read_write> masks: array<u32>;           // a bit a splat, for a tile column or row
+// range: finite; what an infinite sum or one that is no number becomes is left open (R-13-3)
 @group(0) @binding(5) var<storage, read_write> sums: array<f32>;
 @group(0) @binding(6) var<storage, read_write> frame: array<u32>;
 @group(0) @binding(7) var<storage, read> finished_sums: array<f32>;
@@ -90,6 +91,7 @@ fn is_factor(bits: u32) -> bool {
 
 // WGSL promises quotients only for divisors up to 2^126. The reciprocal of a larger one is below 2^-126, so 0 is near
 // enough: the error model (13-3) has an eta for it.
+// range: l is 2^-126 or more
 fn reciprocal(l: f32) -> f32 {
     if (l > 0x1p+126f) {
         return 0.0;
@@ -99,19 +101,21 @@ fn reciprocal(l: f32) -> f32 {
 
 // First and end tile of a box (5-1) in one direction; equal if it is empty. Sides are clamped before they become
 // integers.
+// range: all are finite, reach is at most 2^103
 fn span(centre: f32, reach: f32, origin: u32, extent: u32) -> vec2<u32> {
-    let near = clamp(centre, -FAR, FAR);
-    let first = clamp(floor(near - reach) - f32(origin), 0.0, f32(extent));
-    let end = clamp(ceil(near + reach) - f32(origin), 0.0, f32(extent));
+    let near = clamp(centre, -FAR, FAR);    // range: finite
+    let first = clamp(floor(near - reach) - f32(origin), 0.0, f32(extent));    // range: 0 to 65535
+    let end = clamp(ceil(near + reach) - f32(origin), 0.0, f32(extent));       // range: 0 to 65535
     if (first >= end) {
         return vec2<u32>(0u, 0u);
     }
     return vec2<u32>(u32(first) / TILE, (u32(end) + TILE - 1u) / TILE);
 }
 
-// The root of p p + q q, of which none may leave the range; the greater one is not 0.
+// The root of p p + q q, of which none may leave the range.
+// range: the greater one is 2^-126 or more, both are finite
 fn norm(p: f32, q: f32) -> f32 {
-    let large = max(abs(p), abs(q));
+    let large = max(abs(p), abs(q));    // range: as said
     let ratio = min(abs(p), abs(q)) / large;
     return large * sqrt(1.0 + ratio * ratio);
 }
@@ -119,8 +123,8 @@ fn norm(p: f32, q: f32) -> f32 {
 // l11, l21, l22 of (9-9), and the factor of the colour, of those of (9-8).
 fn filtered(l11: f32, l21: f32, l22: f32) -> vec4<f32> {
     let widths = sqrt(max((1.0 - view.scale) * (1.0 + view.scale), vec2<f32>()) / 12.0);    // the roots of v
-    let m11 = norm(l11, widths.x);
-    let m22 = norm(norm(l22, widths.y), l21 * (widths.x / m11));
+    let m11 = norm(l11, widths.x);                                          // range: 2^-126 or more
+    let m22 = norm(norm(l22, widths.y), l21 * (widths.x / m11));            // range: 2^-126 or more
     return vec4<f32>(m11, l21 * (l11 / m11), m22, l11 / m11 * (l22 / m22));
 }
 
@@ -138,9 +142,9 @@ fn prepare(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     drawn = drawn && is_factor(bits[2]) && is_factor(bits[4]);
     let centre = bitcast<vec2<f32>>(vec2<u32>(bits[0], bits[1])) * view.scale + view.shift;    // (9-8)
-    var l11 = bitcast<f32>(bits[2]) * view.scale.x;
-    var l21 = bitcast<f32>(bits[3]) * view.scale.y;
-    var l22 = bitcast<f32>(bits[4]) * view.scale.y;
+    var l11 = bitcast<f32>(bits[2]) * view.scale.x;    // range: finite where the splat is drawn
+    var l21 = bitcast<f32>(bits[3]) * view.scale.y;    // range: the same for scales up to 1
+    var l22 = bitcast<f32>(bits[4]) * view.scale.y;    // range: the same
     var color = bitcast<vec3<f32>>(vec3<u32>(bits[5], bits[6], bits[7]));
     if (drawn && any(view.scale < vec2<f32>(1.0))) {
         let smoothed = filtered(l11, l21, l22);
@@ -271,16 +275,17 @@ fn sum(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation_id) lan
 
 @compute @workgroup_size(256)
 fn quantize(@builtin(global_invocation_id) id: vec3<u32>) {
-    let sample_bits = select(16u, 8u, view.peak == 255.0);
-    let samples_of_word = 32u / sample_bits;
-    let first = samples_of_word * id.x;
-    let sample_count = 3u * view.extent.x * view.extent.y;
+    let sample_bits = select(16u, 8u, view.peak == 255.0);    // range: 8 or 16
+    let samples_of_word = 32u / sample_bits;                  // range: 4 or 2, an integer
+    let first = samples_of_word * id.x;                        // range: an integer
+    let sample_count = 3u * view.extent.x * view.extent.y;     // range: an integer
     if (first >= sample_count) {
         return;
     }
     var word = 0u;
+    // range: below 4 or 2: sample_bits k is at most 24
     for (var k = 0u; k < min(samples_of_word, sample_count - first); k++) {
-        let level = round(clamp(sums[first + k], 0.0, 1.0) * view.peak);    // R-9.1-1: round is to even
+        let level = round(clamp(sums[first + k], 0.0, 1.0) * view.peak);    // R-9.1-1: to even. range: of the peak
         word |= u32(level) << (sample_bits * k);
     }
     frame[id.x] = word;
@@ -295,9 +300,11 @@ fn corners(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
 }
 
 @fragment
+// range: position is inside of the target
 fn show(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let place = vec2<u32>(position.xy);
     let at = 3u * (place.y * view.extent.x + place.x);
+    // range: finite, as the sums above
     let value = vec3<f32>(finished_sums[at], finished_sums[at + 1u], finished_sums[at + 2u]);
     let levels = round(clamp(value, vec3<f32>(0.0), vec3<f32>(1.0)) * view.peak);
     return vec4<f32>(levels / view.peak, 1.0);

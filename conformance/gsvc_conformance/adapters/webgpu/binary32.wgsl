@@ -32,11 +32,13 @@ fn unpacked(a: u32) -> Unpacked {
 // The same for numbers that are not 0, subnormal ones with smaller exponents instead.
 fn normalized(a: u32) -> Unpacked {
     let number = unpacked(a);
+    // range: 0 to 23, since the significand is not 0
     let zeros = countLeadingZeros(number.significand) - 8u;
     return Unpacked(number.exponent - i32(zeros), number.significand << zeros);
 }
 
 // a / 2^n; the last bit is set if ones were lost, so that rounding still sees on which side of a tie they lay.
+// range: n is 1 to 31 in the end
 fn shifted_right(a: u32, n: u32) -> u32 {
     if (n == 0u) {
         return a;
@@ -49,7 +51,7 @@ fn shifted_right(a: u32, n: u32) -> u32 {
 
 // significand 2^(exponent - 158) to nearest, ties to even; the significand is not 0.
 fn rounded(sign: u32, exponent: i32, significand: u32) -> u32 {
-    let zeros = countLeadingZeros(significand);
+    let zeros = countLeadingZeros(significand);    // range: 0 to 31
     var leading = significand << zeros;        // a one in bit 31
     var field = exponent - i32(zeros);
     if (field < 1) {                           // subnormal, or 0

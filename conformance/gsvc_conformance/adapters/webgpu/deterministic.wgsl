@@ -118,14 +118,15 @@ fn sum_exactly(@builtin(workgroup_id) tile: vec3<u32>, @builtin(local_invocation
 // (9-7): an invocation for each word of the frame.
 @compute @workgroup_size(256)
 fn quantize_exactly(@builtin(global_invocation_id) id: vec3<u32>) {
-    let sample_bits = select(16u, 8u, view.peak == 255.0);
-    let samples_of_word = 32u / sample_bits;
+    let sample_bits = select(16u, 8u, view.peak == 255.0);    // range: 8 or 16
+    let samples_of_word = 32u / sample_bits;                  // range: 4 or 2, an integer
     let first = samples_of_word * id.x;
-    let sample_count = 3u * view.extent.x * view.extent.y;
+    let sample_count = 3u * view.extent.x * view.extent.y;     // range: an integer
     if (first >= sample_count) {
         return;
     }
     var word = 0u;
+    // range: below 4 or 2: sample_bits k is at most 24
     for (var k = 0u; k < min(samples_of_word, sample_count - first); k++) {
         word |= level(exact_sums[first + k]) << (sample_bits * k);
     }

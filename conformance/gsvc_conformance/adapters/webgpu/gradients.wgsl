@@ -34,18 +34,20 @@ const REACH = 3.3290684;          // rho' of (5-1)
 const FAR = 0x1p+100f;            // far outside of every frame, and three times it is no overflow
 
 struct Splat {
-    centre: vec2<f32>,
+    centre: vec2<f32>,            // range: finite, or it has no reach
     r1: f32,                      // 1 / l11, or 0 above 2^126, as WGSL promises quotients only up to there
-    l21: f32,
+    l21: f32,                     // range: the same
     r2: f32,                      // 1 / l22
     color: vec3<f32>,
-    reach: vec2<f32>,             // half width and half height of the box; 0 for a degenerate splat
+    reach: vec2<f32>,             // half width and height of the box; 0 for a degenerate splat. range: at most 2^103
 }
 
 fn read_splat(n: u32) -> Splat {
     var splat: Splat;
     let at = 8u * n;
+    // range: of a splat that is drawn 2^-126 to the largest number, as it is looked at
     let l11 = bitcast<f32>(parameters[at + 2u]);
+    // range: the same
     let l22 = bitcast<f32>(parameters[at + 4u]);
     splat.centre = bitcast<vec2<f32>>(vec2<u32>(parameters[at], parameters[at + 1u]));
     splat.l21 = bitcast<f32>(parameters[at + 3u]);
@@ -73,8 +75,9 @@ var<workgroup> parts: array<Moments, LANES>;
 fn moments(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) place: vec3<u32>,
            @builtin(local_invocation_index) lane: u32) {
     let splat = read_splat(group.x);
+    // range: finite as the centre is
     let near = clamp(splat.centre, vec2<f32>(-FAR), vec2<f32>(FAR)) - vec2<f32>(0.0, f32(band.first_row));
-    let size = vec2<f32>(vec2<u32>(band.columns, band.rows));
+    let size = vec2<f32>(vec2<u32>(band.columns, band.rows));    // range: 1 to 65535
     let first = vec2<u32>(clamp(floor(near - splat.reach), vec2<f32>(0.0), size));    // clamped, then made an integer
     let end = vec2<u32>(clamp(ceil(near + splat.reach), vec2<f32>(0.0), size));
 

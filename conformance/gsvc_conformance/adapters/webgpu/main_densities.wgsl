@@ -10,10 +10,10 @@ struct Density {
     unit_bits: i32,         // w
     centre: i32,            // m; where the frequencies stand in `tables` if the family is BETA_BINOMIAL
     first: i32,
-    edge_shift: u32,
+    edge_shift: u32,        // range: the low bits of a window, or 0
     edge_unit: i32,
     bins: u32,
-    low_bits: u32,          // raw ones after the bins; those of magnitudes depend on the bin
+    low_bits: u32,          // raw ones after the bins; those of magnitudes depend on the bin. range: at most 23
 }
 
 const LOGISTIC = 0u;
@@ -26,6 +26,7 @@ const MAGNITUDE_CLASSES = 40u;
 
 // v of (15-6) for e - 2 m = distance, at most 2^16 in magnitude.
 fn reached(distance: i32, family: u32, scale_code: i32, unit_bits: i32) -> u32 {
+    // range: scale codes are below 64, units have at most 4 bits
     let shift = u32(2 + ((scale_code + 3) >> 2u) + unit_bits);
     let product = distance * i32(mantissa(-256 * scale_code) >> 2u);
     let u = u32(clamp(0x8000 + (product >> shift), 0, 0xffff));
@@ -57,17 +58,19 @@ fn half_table(n: u32, halving_code: u32) -> u32 {
 }
 
 // The density of how many of n splats are in the first half, p and q being the cells of both.
+// range: p and q are at least 1
 fn half_density(n: u32, p: u32, q: u32, halving_code: u32) -> Density {
     if (p == q && n <= 15u) {
         return Density(BETA_BINOMIAL, 0, 0, i32(half_table(n, halving_code)), 0, 0u, 0, n + 1u, 0u);
     }
+    // range: at most 23
     let low_bits = u32(max(23 - i32(countLeadingZeros(n)), 0));
     let m = n >> low_bits;                                    // below 2^9
     let b = 256u * p / (p + q);
-    let alpha = alpha_of(halving_code);
+    let alpha = alpha_of(halving_code);                       // range: 1 to 100
     let t = (2u * alpha + m) * 1245u / (2u * alpha + 1u);
     let v = (((m * b * (256u - b)) >> 9u) * t) >> 7u;         // (15-9)
-    let e = 31u - countLeadingZeros(max(v, 1u));
+    let e = 31u - countLeadingZeros(max(v, 1u));              // range: at most 31
     let scale_code = 2u * e + select(0u, (v >> (max(e, 1u) - 1u)) & 1u, e > 0u);
     return Density(LOGISTIC, i32(scale_code), 0, i32(m * b / 4u), 0, 0u, 64, m + 1u, low_bits);
 }

@@ -30,6 +30,7 @@ fn encode(@builtin(global_invocation_id) id: vec3<u32>) {
         if (lanes[i] != lane) {
             continue;
         }
+        // range: a symbol that is encoded has one
         let f = frequencies[i];
         if (x >> 18u >= f) {                // x >= f << 18, which may be 2^32; once is enough: then x is below 2^16
             emitted[i] = 0x10000u | (x & 0xffffu);

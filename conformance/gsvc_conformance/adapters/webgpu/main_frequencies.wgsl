@@ -81,6 +81,7 @@ fn plane_densities(@builtin(local_invocation_index) at: u32) {
         let centre = told.z + ((told.w * number) >> 2u);    // luma has no slope
         densities[at] = Density(u32(told.x), told.y, 2, centre, 0, 0u, 16, MAGNITUDE_CLASSES, 0u);
     } else {
+        // range: 0 to 10
         let j = min(number, 10);
         let h = select(1477 >> u32(j), 2048 >> u32(j), plane == 5u);
         densities[at] = window(u32(told.x), told.y, 64 * told.z + 16 * told.w * j, h);
@@ -90,6 +91,7 @@ fn plane_densities(@builtin(local_invocation_index) at: u32) {
 // (15-7): 8 scales are below 2^15, centres below 2^17.
 fn window(family: u32, scale_code: i32, centre: i32, h: i32) -> Density {
     let scale = power(256 * scale_code, 4);
+    // range: at most 7, since 16 scales are below 2^16 and h is at least 1
     var low_bits = 0u;
     while (16 * scale > 512 * (h << low_bits)) {
         low_bits++;
@@ -111,7 +113,9 @@ fn model_frequencies(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var s = 0u; s < numbers.symbols; s++) {
         sum += counts[first + s];
     }
+    // range: at most 15
     let shift = u32(max(15 - i32(countLeadingZeros(sum)), 0));
+    // range: above 0 behind its loop: a context has counts, and shift leaves 17 bits of their sum
     var kept = 0u;
     for (var s = 0u; s < numbers.symbols; s++) {
         kept += counts[first + s] >> shift;

@@ -10,7 +10,7 @@ struct Told {
     splats: u32,
     width: i32,
     height: i32,
-    halvings: u32,
+    halvings: u32,    // range: 0 to 3
 }
 
 @group(0) @binding(0) var<uniform> told: Told;
@@ -25,12 +25,13 @@ fn digits(p: u32) -> u32 {
 
 // sign q 2^(e + k) with (q, e) = r24(p), as a bit pattern. No number here is subnormal or beyond binary32.
 fn number(negative: bool, p: u32, k: i32) -> u32 {
+    // range: at most 8, and at least 1 where 1 is subtracted
     let e = u32(max(i32(digits(p)) - 24, 0));
     var q = p;
     if (e > 0u) {
         q = (p + (1u << (e - 1u)) - 1u + ((p >> e) & 1u)) >> e;
     }
-    let z = digits(q);    // 25 if q is 2^24
+    let z = digits(q);    // 25 if q is 2^24. range: cut to 24
     let fraction = select(q << (24u - min(z, 24u)), 0u, z > 24u) & 0x7fffffu;
     let pattern = (u32(k + i32(e + z) + 126) << 23u) | fraction | select(0u, 0x80000000u, negative);
     return select(pattern, 0u, q == 0u);
@@ -57,8 +58,9 @@ fn state_parameters(@builtin(global_invocation_id) id: vec3<u32>) {
     let shear = state[at + 4u];
     let n = vec3<i32>(state[at + 5u], state[at + 6u], state[at + 7u]);
     let largest = max(max(abs(n.x), abs(n.y)), abs(n.z));
+    // range: at most 15, since colours are at most 2^28
     let s = u32(max(i32(digits(u32(largest))) - 14, 0));
-    let shift = vec3<u32>(s);
+    let shift = vec3<u32>(s);    // range: of s
     // ⌊n k / 2^s⌋: n >> s is below 2^14 in magnitude, what is left of n below 2^15.
     let P = (n >> shift) * K + (((n & vec3<i32>((1 << s) - 1)) * K) >> shift);
     let v = (-(a + b)) >> 1u;
@@ -73,13 +75,14 @@ fn state_parameters(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // E_x from A, or e from B: below 2^23.
+// range: v is -3072 to 13311
 fn reach_of(v: i32) -> i32 {
     return i32((mantissa(v) * 54544u) >> u32(21 - (v >> 10u))) + 1;
 }
 
 fn side_of(middle: i32, reach: i32, size: i32) -> u32 {
     var filters = array<i32, 4>(0, 427, 953, 1953);
-    let h = told.halvings;
+    let h = told.halvings;    // range: 0 to 3
     let far = reach + filters[h];
     let last = min((size + (1 << h) - 1) >> h, (middle + far + (256 << h) - 1) >> (8u + h));
     return u32(max(0, last - max(0, (middle - far) >> (8u + h))));

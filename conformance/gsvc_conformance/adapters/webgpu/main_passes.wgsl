@@ -10,7 +10,7 @@
 // so the lanes of a group meet once a round: to find which of them take a word.
 
 struct Pass {
-    lane_count: u32,
+    lane_count: u32,         // range: at least 1
     first_round: u32,        // of this dispatch, each round being a symbol of every lane
     rounds: u32,             // at most
     slot: u32,               // where a run has the number of symbols in front of these,
@@ -56,7 +56,7 @@ var<workgroup> ballots: array<atomic<u32>, 3>;
 // What a lane knows of a dispatch.
 struct Lane {
     number: u32,
-    of_group: u32,           // its number in the group
+    of_group: u32,           // its number in the group. range: below 32
     group: u32,
     in_front: u32,           // symbols of the frame in front of these,
     of_pass: u32,            // and of the pass

@@ -78,8 +78,9 @@ fn word_of_text(number: u32) -> u32 {
     return text[1u + number];
 }
 
-// At most 32 bits.
+// range: size is at most 23, what a number of one element has (section 15.6)
 fn bits_of_text(at: u32, size: u32) -> u32 {
+    // range: 1 to 31 where it is shifted to the left
     let shift = at % 32u;
     var bits = word_of_text(at / 32u) >> shift;
     if (shift > 0u) {
@@ -88,7 +89,8 @@ fn bits_of_text(at: u32, size: u32) -> u32 {
     return bits & ((1u << size) - 1u);
 }
 
-// At most 16 bits of the halves that the lanes end with.
+// Of the halves that the lanes end with.
+// range: size is at most 16
 fn carried(at: u32, size: u32) -> u32 {
     let pair = (states[at / 16u] & 0xffffu) | (states[at / 16u + 1u] << 16u);
     return (pair >> (at % 16u)) & ((1u << size) - 1u);
@@ -106,6 +108,7 @@ fn take(@builtin(global_invocation_id) id: vec3<u32>) {
         value = bits_of_text(at, size);
     } else {
         let half_bits = min(16u * told.lane_count, lengths[1] / 16u * 16u);
+        // range: at most the size
         let of_lanes = min(size, max(half_bits, at) - at);    // the rest of its bits follow the early ones
         at = lengths[0] + max(at, half_bits) - half_bits;
         if (of_lanes > 0u) {

@@ -22,7 +22,7 @@
 
 struct Frame {
     count: u32,              // splats; cells or rows of a field
-    step: i32,               // D
+    step: i32,               // D. range: at least 1
     width: i32,
     height: i32,
     columns: i32,            // of the field
@@ -76,6 +76,7 @@ fn code_classes(@builtin(global_invocation_id) id: vec3<u32>) {
 }
 
 // A and B of (15-10).
+// range: j is 0 to 10
 fn log_sizes(i: u32, j: i32) -> vec2<i32> {
     let size = shape_codes[3u * i];
     let aspect = shape_codes[3u * i + 1u];
@@ -89,9 +90,9 @@ fn place_steps(sizes: vec2<i32>, j: i32) -> vec2<i32> {
 
 fn intra(i: u32, at: u32) {
     let n = coded_colors(i);
-    let j = class_of(n, frame.step);
+    let j = class_of(n, frame.step);    // range: 0 to 10
     let sizes = log_sizes(i, j);
-    let g = vec2<u32>(place_steps(sizes, j) + 8);
+    let g = vec2<u32>(place_steps(sizes, j) + 8);    // range: 4 to 10
     let cell = vec2<i32>(cells[2u * i], cells[2u * i + 1u]);
     let place = vec2<i32>(places[2u * i], places[2u * i + 1u]);
     let position = 1024 * cell + (place << g) + (vec2<i32>(1) << (g - 1u));
@@ -152,6 +153,7 @@ fn place_bits(@builtin(global_invocation_id) id: vec3<u32>) {
 @group(0) @binding(7) var<storage, read_write> before: array<u32>;                  // sums of classes of the group so far
 @group(0) @binding(8) var<storage, read_write> contexts: array<u32>;                // of the next component
 
+// range: q is below 40
 fn magnitude_of(q: u32, low_bits: u32) -> u32 {
     return select(((2u + q % 2u) << (max(q, 4u) / 2u - 1u)) + low_bits, q, q < 4u);
 }
@@ -223,7 +225,7 @@ fn field_vectors(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // The cell before a position, the one after it, and the 64ths of the way between their centres.
 fn between(position: i32, cells_there: i32) -> vec3<i32> {
-    let b = 31u - countLeadingZeros(256u * u32(frame.side));
+    let b = 31u - countLeadingZeros(256u * u32(frame.side));    // range: 8 to 23, since there is a field
     let u = clamp(position - 128 * frame.side, 0, (cells_there - 1) << b);
     let i = min(u >> b, max(cells_there - 2, 0));
     return vec3<i32>(i, min(i + 1, cells_there - 1), (u - (i << b)) >> (b - 6u));
@@ -279,7 +281,7 @@ fn mode_contexts(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var unrest = 0;
     if (frame.side > 0) {
-        let b = vec2<u32>(31u - countLeadingZeros(256u * u32(frame.side)));
+        let b = vec2<u32>(31u - countLeadingZeros(256u * u32(frame.side)));    // range: 8 to 23
         let cell = clamp(position >> b, vec2<i32>(0), vec2<i32>(frame.columns, frame.rows) - 1);
         let own = field_at(cell.x, cell.y);
         unrest = max(
@@ -298,7 +300,7 @@ fn mode_contexts(@builtin(global_invocation_id) id: vec3<u32>) {
 // The first term of S: |S| EXP2 is below 2^31. Shifted to the left it is above the range, but for 0.
 fn sheared(s: i32, v: i32) -> i32 {
     let product = u32(abs(s)) * mantissa(v);
-    let shift = 15 - (v >> 10u);
+    let shift = 15 - (v >> 10u);    // range: 1 to 31 where it is used
     var magnitude = select(32767u, 0u, product == 0u);
     if (shift > 31) {
         magnitude = 0u;
@@ -311,7 +313,7 @@ fn sheared(s: i32, v: i32) -> i32 {
 fn inter(i: u32, at: u32) {
     let first = 8u * i;
     let n = colors_at(i);
-    let j = class_of(n, frame.step);
+    let j = class_of(n, frame.step);    // range: 0 to 10
     let a = state[first + 2u];
     let b = state[first + 3u];
     let s = state[first + 4u];

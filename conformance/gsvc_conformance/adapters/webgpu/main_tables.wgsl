@@ -17,12 +17,15 @@ fn power(v: i32, k: i32) -> i32 {
     return i32(select(mantissa(v) >> u32(clamp(-shift, 0, 31)), mantissa(v) << u32(clamp(shift, 0, 15)), shift >= 0));
 }
 
-// ⌊a / b⌋ for b > 0, by unsigned quotients: one compiler gets % of negative numbers wrong.
+// ⌊a / b⌋. Not by a % b, which NVIDIA's driver gets wrong below 0; |q b| is at most |a|.
+// range: b > 0
 fn floor_quotient(a: i32, b: i32) -> i32 {
-    return select(i32(u32(a) / u32(b)), -i32((u32(-a) + u32(b) - 1u) / u32(b)), a < 0);
+    let q = a / b;
+    return q - select(0, 1, q * b > a);
 }
 
 // The class j of n / D, (15-4): at most 2^28 + 2^12 is divided.
+// range: step, which is D, is at least 1
 fn class_of(n: vec3<i32>, step: i32) -> i32 {
     let k = min((abs(n) + step / 2) / step, vec3<i32>(1024));
     let energy = u32(k.x * k.x + k.y * k.y + k.z * k.z);

@@ -13,8 +13,8 @@
 
 struct Plane {
     count: u32,                // symbols
-    entropy_precision: u32,    // R, 12 to 16
-    lane_count: u32,           // that are used: min(lane_count, count)
+    entropy_precision: u32,    // R. range: 12 to 16
+    lane_count: u32,           // that are used: min(lane_count, count). range: a quotient takes at least 1
     word_count: u32,           // that there are
     alphabet: u32,             // symbols that have a frequency
     first_round: u32,          // of this dispatch, each round being a symbol of every lane
@@ -104,6 +104,7 @@ fn encode(@builtin(local_invocation_index) lane: u32) {
     for (var round = 0u; round < plane.rounds; round++) {
         let i = (all_rounds - 1u - plane.first_round - round) * plane.lane_count + lane;
         let encodes = lane < plane.lane_count && i < plane.count;
+        // range: a symbol that is encoded has one
         var frequency = 1u;
         var start = 0u;
         var full = false;

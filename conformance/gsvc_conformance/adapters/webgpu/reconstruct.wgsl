@@ -48,6 +48,7 @@ fn codeword_sum(n: u32, channel: u32) -> u32 {
     return sum;
 }
 
+// range: axis is 0 or 1
 fn position_code(n: u32, axis: u32) -> u32 {
     return from_half((positions[n] >> (16u * axis)) & 0xffffu);
 }

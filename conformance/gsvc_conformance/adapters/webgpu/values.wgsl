@@ -10,7 +10,7 @@
 
 struct Shape {
     count: u32,          // numbers
-    columns: u32,        // of them beside each other
+    columns: u32,        // of them beside each other. range: at least 1
     size: vec2<u32>,     // scale: width and height that are scaled
     new_size: vec2<u32>,
 }
@@ -63,18 +63,20 @@ fn scale(@builtin(global_invocation_id) id: vec3<u32>) {
 
 // A root to the 2.5 units of (13-3): that of WGSL may be worse, and one step of Newton's method makes it good.
 fn root(square: f32) -> f32 {
-    let r = sqrt(square);
+    let r = sqrt(square);    // range: 2^-10 or more
     return r + (square - r * r) / (2.0 * r);
 }
 
-// The root of p^2 + q^2, p > 0, whose squares may leave the range of f32.
+// The root of p^2 + q^2, whose squares may leave the range of f32.
+// range: p is 2^-126 or more, both are finite
 fn hypotenuse(p: f32, q: f32) -> f32 {
-    let larger = max(p, abs(q));
+    let larger = max(p, abs(q));    // range: of p
     let ratio = min(p, abs(q)) / larger;
     return larger * root(1.0 + ratio * ratio);
 }
 
 // The root of v of (9-9) for a side that becomes smaller.
+// range: old is 1 to 65535
 fn deviation(old: u32, new_side: u32) -> f32 {
     return root(f32(old - new_side) * f32(old + new_side) / (f32(12u * old) * f32(old)));
 }
@@ -94,8 +96,8 @@ fn filtered(@builtin(global_invocation_id) id: vec3<u32>) {
     let l11 = bitcast<f32>(result[at + 2u]);
     let l21 = bitcast<f32>(result[at + 3u]);
     let l22 = bitcast<f32>(result[at + 4u]);
-    var m11 = l11;
-    var m22 = l22;
+    var m11 = l11;    // range: of l11, or above
+    var m22 = l22;    // range: of l22, or above
     if (shape.new_size.y < shape.size.y) {
         m22 = hypotenuse(m22, deviation(shape.size.y, shape.new_size.y));
     }
