@@ -105,6 +105,8 @@ def seek_faults(of: Groups) -> dict[str, Entry]:
                                      "it is sound", lambda: of.damaged(9, of.stream(index=False)), 6, 8, 2),
         "frame_count": ("invalid R-6.8-1", "the end chunk says 9 frames, and frame 8 is asked for", "there are 8",
                         lambda: of.edited(lambda c: [*c[:-1], end_of(9)]), 8, 8, 0),
+        "frame_count_of_the_header": ("invalid R-6.3-2", "the header says 9 frames, and frame 8 is asked for",
+                                      "there are 8", lambda: of.lying(Lie("frame_count", 9)), 8, 8, 0),
         "index_length": ("invalid R-6.8-2", "index_length is 0 after an index, and frame 8 is asked for",
                          "it is its size",
                          lambda: of.lying(Lie("index_length", 0)), 8, 8, 0),
