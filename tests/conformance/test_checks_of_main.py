@@ -12,7 +12,16 @@ from itertools import islice
 from typing import Any, Final
 
 import pytest
-from forgetful import OPERATIONS, Check, Reader, calls_of_checks, inequalities, refusals
+from forgetful import (
+    OPERATIONS,
+    Check,
+    Reader,
+    calls_of_checks,
+    conditions,
+    inequalities,
+    refusals,
+    reserved_bits,
+)
 from test_one_fault import HUGE
 
 from gsvc_base.draws import Draws
@@ -137,6 +146,20 @@ def test_a_call_of_checks(reader: Reader, check: Check) -> None:
     assert loses(reader, check.rules)
 
 
+@pytest.mark.parametrize(("check", "condition"), conditions())
+def test_a_condition(reader: Reader, check: Check, condition: str) -> None:
+    reader.forget(())
+    reader.untold = check.line, condition
+    assert loses(reader, check.rules)
+
+
+@pytest.mark.parametrize(("check", "bit"), reserved_bits())
+def test_a_reserved_bit(reader: Reader, check: Check, bit: int) -> None:
+    reader.forget(())
+    reader.unseen = check.line, bit
+    assert loses(reader, check.rules)
+
+
 # Numbers that elements are held against
 
 ROWS: Final = [
@@ -156,6 +179,37 @@ def test_a_bound_of_the_header(table: str, row: int, side: str) -> None:
     free = (name, size, 0, highest) if side == "lowest" else (name, size, lowest, 2 ** (8 * size) - 1)
     reader.names[table] = [free if n == row else other for n, other in enumerate(reader.names[table])]
     assert loses(reader, ("R-6.3-1", "R-3.2-1"))
+
+
+class Blind(int):
+    """A highest value, for who does not look at a bit above it."""
+
+    bit: int
+
+    def __ge__(self, value: int) -> bool:
+        return value & ~self.bit <= int(self)
+
+
+BITS: Final = [
+    (table, row, bit)
+    for table in ("HEADER", "MAIN_HEADER")
+    for row, (name, size, _, highest) in enumerate(namespace()[table])
+    if name in ("flags", "main_tools")
+    for bit in range(highest.bit_length(), 8 * size)
+]
+"""The reserved bits of the sequence header."""
+
+
+@pytest.mark.parametrize(("table", "row", "bit"), BITS)
+def test_a_reserved_bit_of_the_header(table: str, row: int, bit: int) -> None:
+    reader = Reader()
+    name, size, lowest, highest = reader.names[table][row]
+    blind = Blind(highest)
+    blind.bit = 1 << bit
+    reader.names[table] = [
+        (name, size, lowest, blind) if n == row else other for n, other in enumerate(reader.names[table])
+    ]
+    assert loses(reader, ("R-3.2-1",))
 
 
 LIMITS: Final = {
@@ -210,6 +264,5 @@ def test_an_inequality(reader: Reader, check: Check, number: int) -> None:
     reader.forget(())
     reader.one_off = check.line, number
     wrong = loses(reader, check.rules) or any(not is_right(reader, one) for one in legal())
-    reader.one_off = None
     untold = {(check.function, rule) for rule in check.rules} & AT_A_MEGABYTE
     assert bool(wrong) != bool(untold), check.rules
