@@ -54,7 +54,7 @@ class Check:
 
 
 class _OfMain(ast.NodeTransformer):
-    """Leaves out what profile `main` does not do, and lets `refuse` and `checks` decide, which know the line."""
+    """Leaves out what profile `main` does not do, and lets `refuse` and `within` decide, which know the line."""
 
     def visit_If(self, node: ast.If) -> Any:
         self.generic_visit(node)
@@ -78,7 +78,7 @@ class _OfMain(ast.NodeTransformer):
         self.generic_visit(node)
         if not (isinstance(node.value, ast.Call) and _name(node.value.func).startswith("check_")):
             return node
-        return ast.Expr(ast.IfExp(_call("checks", node.lineno), node.value, ast.Constant(None)))
+        return ast.Expr(_call("within", node.lineno, _later(node.value)))
 
 
 class _Conditions(ast.NodeTransformer):
@@ -100,9 +100,8 @@ class _Conditions(ast.NodeTransformer):
         self.generic_visit(node)
         if isinstance(node.op, ast.And) != self.negated:
             return node
-        nothing = ast.arguments([], [], None, [], [], None, [])
         node.values = [
-            _call("holds", node.lineno, name, ast.Lambda(nothing, value), ast.Constant(self.negated))
+            _call("holds", node.lineno, name, _later(value), ast.Constant(self.negated))
             for name, value in zip(named, node.values, strict=True)
         ]
         return node
@@ -125,6 +124,10 @@ class _Inequalities(ast.NodeTransformer):
 
 def _call(name: str, line: int, *arguments: ast.expr) -> ast.Call:
     return ast.Call(ast.Name(name, ast.Load()), [ast.Constant(line), *arguments], [])
+
+
+def _later(value: ast.expr) -> ast.Lambda:
+    return ast.Lambda(ast.arguments([], [], None, [], [], None, []), value)
 
 
 def _name(node: ast.AST) -> str:
@@ -165,11 +168,10 @@ def refusals() -> tuple[Check, ...]:
 def calls_of_checks() -> tuple[Check, ...]:
     """Each place where the reader calls a function that refuses, and does nothing else there."""
     return tuple(
-        Check(_line(call), function.name, tuple(sorted(_rules_inside(node.body))))
+        Check(_line(call), function.name, tuple(sorted(_rules_inside(call.args[1].body))))
         for function in _functions()
-        for node in ast.walk(function)
-        if isinstance(node, ast.IfExp)
-        for call in _calls(node.test, "checks")
+        for call in _calls(function, "within")
+        if isinstance(call.args[1], ast.Lambda)
     )
 
 
@@ -223,7 +225,9 @@ def _rules_inside(call: ast.expr) -> set[str]:
     """The rules of the function that is called, of which the arguments may name some."""
     (named,) = (_name(node.func) for node in [call] if isinstance(node, ast.Call))
     rules = {rule for check in refusals() if check.function == named for rule in check.rules}
-    return rules & _stated(call) or rules
+    refused = (one for function in _functions() if function.name == named for one in _calls(function, "refuse"))
+    own = {rule for one in refused for rule in _stated(one.args[1])}
+    return rules & _stated(call) | own if rules & _stated(call) else rules
 
 
 def _line(call: ast.Call) -> int:
@@ -273,8 +277,8 @@ class Reader:
     ----------
     forgotten
         Lines and rules of the refusals that it leaves out; None: all.
-    uncalled
-        Lines on which it does not call a check.
+    inside
+        Lines and rules of the refusals that it leaves out in a check that it calls there.
     untold
         The line and text of a condition that it does not look at.
     unseen
@@ -288,26 +292,35 @@ class Reader:
     """
 
     forgotten: set[tuple[int, str]] | None = field(default_factory=set)
-    uncalled: set[int] = field(default_factory=set)
+    inside: set[tuple[int, str]] = field(default_factory=set)
     untold: tuple[int, str] | None = None
     unseen: tuple[int, int] | None = None
     one_off: tuple[int, int] | None = None
     names: dict[str, Any] = field(default_factory=dict)
     left_out: int = 0
+    _calls: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.names |= {"__name__": "reader", "refuse": self._refuse, "compares": self._compares}
-        self.names |= {"holds": self._holds, "are_set": self._are_set}
-        self.names["checks"] = lambda line: line not in self.uncalled
+        self.names |= {"holds": self._holds, "are_set": self._are_set, "within": self._within}
         for tree in _compiled():
             exec(tree, self.names)
 
     def _refuse(self, line: int, rule: str, bit: int) -> None:
-        if self.forgotten is not None and (line, rule) not in self.forgotten:
+        places = {line, *self._calls}
+        left_out = self.forgotten is None or (line, rule) in self.forgotten
+        if not left_out and self.inside.isdisjoint((place, rule) for place in places):
             raise self.names["Fault"](rule, bit)
         self.left_out += 1
         if self.left_out > PATIENCE:
             raise RecursionError("it never ends")
+
+    def _within(self, line: int, check: Callable[[], object]) -> None:
+        self._calls.append(line)
+        try:
+            check()
+        finally:
+            self._calls.pop()
 
     def _holds(self, line: int, text: str, condition: Callable[[], bool], negated: bool) -> bool:
         return negated if (line, text) == self.untold else condition()
@@ -323,9 +336,9 @@ class Reader:
                 return False
         return True
 
-    def forget(self, checks: Collection[tuple[int, str]] | None, uncalled: Iterable[int] = ()) -> None:
+    def forget(self, checks: Collection[tuple[int, str]] | None, inside: Iterable[tuple[int, str]] = ()) -> None:
         """Leave these checks out, and no others; a limit with R-5-9, which says the same where there are no layers."""
-        self.uncalled, self.untold, self.unseen, self.one_off = set(uncalled), None, None, None
+        self.inside, self.untold, self.unseen, self.one_off = set(inside), None, None, None
         self.forgotten = None if checks is None else set(checks)
         if checks is not None and any(rule.startswith(LIMITS) and rule != "R-5-9" for _, rule in checks):
             self.forgotten = {*self.forgotten, *_stand_ins()}  # type: ignore[misc]
