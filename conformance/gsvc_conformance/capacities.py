@@ -60,7 +60,6 @@ LIMITS: Final[Mapping[tuple[str, str], tuple[int, str]]] = {
     **{(name, side): (1 << 11, _COLOR[1]) for name in ("planes_to_frame", "frame_to_planes") for side in ("h", "w")},
     ("decode_stream", "T"): _PICTURES,
     ("decode_stream_deterministic", "T"): _PICTURES,
-    ("reconstruct_stream", "T"): (1 << 14, "numbers of frames have any length from the third byte on"),
     ("seek", "T"): (0, "`reconstruct_stream` has more frames"),
     ("seek", "N"): (0, "`reconstruct_stream` has more splats"),
     ("read_stream", "T"): (1 << 8, "`reconstruct_stream` has more frames"),

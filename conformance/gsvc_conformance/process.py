@@ -102,18 +102,19 @@ def words_of(command: str, option: str) -> list[str]:
     if not words:
         raise UsageError(f"{option} needs a command, such as './decoder --conformance'")
     if shutil.which(words[0]) is None:
-        raise UsageError(_why_no_program(Path(words[0])))
+        raise UsageError(_why_no_program(words[0]))
     return words
 
 
-def _why_no_program(path: Path) -> str:
+def _why_no_program(word: str) -> str:
+    path = Path(word)
     if path.is_dir():
         return f"{path} is a folder, not a program"
     if path.is_file():
         if os.access(path, os.X_OK):
             return f"{path} is in the current folder, which is not searched: say ./{path}"
         return f"{path} cannot be executed: chmod +x makes it a program, or put its interpreter before it"
-    return f"there is no program {str(path)!r}; give its path, such as ./decoder"
+    return f"there is no program {word!r}; {'build it first' if '/' in word else 'give its path, such as ./decoder'}"
 
 
 @dataclass(frozen=True)

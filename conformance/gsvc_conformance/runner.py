@@ -300,12 +300,13 @@ def judge_outputs(
         for name, expected in vector.expected.items()
     )
     wrong = [output for output in judged if not output.passed]
-    if not wrong:
-        return _result(vector, "pass", "", judged, seconds)
-    if refusal := _refusal_as_unsupported(vector, outputs, allowed=bool(outside) or vector.level > level):
+    refusal = _refusal_as_unsupported(vector, outputs, allowed=bool(outside) or vector.level > level)
+    if refusal and (wrong or _is_not_claimed(outputs)):
         above = vector.level > level and not outside
         why = f"{refusal}: its level is {vector.level}" if above else refusal
         return _result(vector, "unsupported", why, seconds=seconds)
+    if not wrong:
+        return _result(vector, "pass", "", judged, seconds)
     message = "; ".join(
         f"output {output.name} {output.message}{_elements(vector, output.name, outputs)}" for output in wrong
     )
@@ -361,6 +362,11 @@ def _refusal_as_unsupported(vector: Vector, outputs: Values, *, allowed: bool) -
             others = [value for other, value in outputs.items() if other != name]
             return f"{name} is {given!r}" if all(map(_is_nothing, others)) else ""
     return ""
+
+
+def _is_not_claimed(outputs: Values) -> bool:
+    """Whether an output says that the decoder does not claim the profile or level of the stream (R-5-6)."""
+    return any(isinstance(value, str) and value.split()[1:2] == ["R-5-6"] for value in outputs.values())
 
 
 def _profile_bit(vector: Vector) -> str:

@@ -45,7 +45,8 @@ class Selection:
     """A selection of vectors: all kinds must hold, each by any of its values; an empty tuple selects everything.
 
     A pattern of a case is matched with the whole id and with its last part. Rules, equations and flags stand in
-    manifests, and so does the profile: of those of a profile and those of any.
+    manifests, and so does the profile: of those of a profile and those of any. Of each operation that has such, the
+    first one of another profile is selected, too, which is to be refused (R-13-5).
     """
 
     tiers: tuple[str, ...] = ()
@@ -199,11 +200,22 @@ class VectorFolder:
         for field, values in selection.of_manifests.items():
             chosen = self._having(field, values, chosen)
         if selection.profile:
-            chosen = [name for name in chosen if self.manifest(name).get("profile", ANY) in (ANY, selection.profile)]
+            chosen = self._of_profile(selection.profile, chosen)
         if chosen:
             return chosen
         what = f"no vector is selected by {selection}" if self.names else f"{self.folder} lists no vectors"
         raise UsageError(f"{what}; see gsvc-conformance list --cases")
+
+    def _of_profile(self, profile: str, names: list[str]) -> list[str]:
+        """Those of a profile and of any, and of each operation of that profile the first one of another."""
+        stated = {name: self.manifest(name).get("profile", ANY) for name in names}
+        shared = {name.split("/")[1] for name in names if stated[name] == profile}
+        others: dict[str, str] = {}
+        for name in names:
+            if stated[name] not in (ANY, profile):
+                others.setdefault(name.split("/")[1], name)
+        foreign = {name for operation, name in others.items() if operation in shared}
+        return [name for name in names if stated[name] in (ANY, profile) or name in foreign]
 
     def check_patterns(self, before: str, patterns: tuple[str, ...]) -> None:
         """Refuse a pattern that no vector of the folder matches: it is mistyped.

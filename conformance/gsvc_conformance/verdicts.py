@@ -276,11 +276,10 @@ class Report:
         results = self._needed()
         there = {result.group for result in results}
         names = [name for name in get_args(Group) if name in there]
-        claimed = self.claim.level if self.claim else None
         summaries = [
             summary
             for name in names
-            for summary in _classes(name, [result for result in results if result.group == name], claimed)
+            for summary in _classes(name, [result for result in results if result.group == name], self.claim)
         ]
         if not self.ended:
             return summaries
@@ -316,18 +315,17 @@ def _there(results: Iterable[Result]) -> tuple[str, ...]:
     return tuple(profile for profile in PROFILES if profile in found)
 
 
-def _classes(name: str, results: Sequence[Result], claimed: int | None) -> list[Summary]:
-    """The verdicts of a class, one for each profile that it has vectors of."""
+def _classes(name: str, results: Sequence[Result], claim: Claim | None) -> list[Summary]:
+    """The verdicts of a class, without a claim one for each profile that it has vectors of."""
     profiles = [profile for profile in PROFILES if any(result.profile == profile for result in results)]
     answered = _there(results)
-    if len(profiles) < 2 or not answered or name == "encoder":
-        return [_class(name, results, claimed)]
+    if claim or len(profiles) < 2 or not answered or name == "encoder":
+        return [_class(name, results, claim)]
     return [
         replace(
             _class(
                 name,
                 [one for one in results if one.profile == profile or (profile in answered and one.profile == ANY)],
-                claimed,
             ),
             profile=profile,
         )
@@ -335,14 +333,15 @@ def _classes(name: str, results: Sequence[Result], claimed: int | None) -> list[
     ]
 
 
-def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary:
-    """The verdict of a class by R-13-1: every vector of the level passes, and none above it is wrong.
+def _class(name: str, results: Sequence[Result], claim: Claim | None = None) -> Summary:
+    """The verdict of a class by R-13-1: every vector of the claim passes, and none of the others is wrong (R-13-5).
 
     Without a claim the level is the highest one up to which every vector passes.
     """
     summary = _summary(name, results)
-    level = claimed or _highest(results)
-    inside = [result for result in results if result.level <= level] if level else results
+    level = claim.level if claim else _highest(results)
+    needed = [result for result in results if not claim or result.profile in (ANY, claim.profile)]
+    inside = [result for result in needed if result.level <= level] if level else needed
     missing = [result for result in inside if result.outcome in ("unsupported", "skipped")]
     passing = sum(result.outcome == "pass" for result in inside)
     waived = summary.counts.get("waived", 0)
@@ -351,7 +350,7 @@ def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary
     if summary.faults:
         verdict, reason = "failed", f"{summary.faults} of {len(results)} vectors are wrong"
         reason += f"; without {_without(missing, results)}" if missing else ""
-        reason += f"; every one up to level {level} passes" if level and not claimed else ""
+        reason += f"; every one up to level {level} passes" if level and not claim else ""
     elif not summary.counts.get("pass", 0):
         verdict, reason = "not claimed", f"{plural(unsupported, 'vector')} unsupported"
         excused = waived + summary.counts.get("skipped", 0)
@@ -366,8 +365,8 @@ def _class(name: str, results: Sequence[Result], claimed: int | None) -> Summary
     else:
         verdict, reason = "passed", f"{plural(passing, 'vector')} pass"
     held = verdict in ("passed", "waived")
-    if held and len(inside) < len(results):
-        above = Counter(result.outcome for result in results if result.level > level)
+    above = Counter(result.outcome for result in needed if result.level > level)
+    if held and above:
         said = ", ".join(f"{number} {outcome}" for outcome, number in above.items())
         reason += f" up to level {level}; above it {said}"
     return Summary(name, summary.counts, summary.ratio, summary.place, verdict, reason, level if held else 0)

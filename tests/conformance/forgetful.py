@@ -3,7 +3,7 @@
 import ast
 import operator
 import re
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any, Final
@@ -19,6 +19,8 @@ SIGNS: Final = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">="}
 """The signs of inequalities."""
 INEQUALITIES: Final = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
 """What they say."""
+RESERVED: Final = {"quality_reserved != 0": (0, 1, 2), "frame['layer_mask'] & ~14 != 0": (0, 4, 5, 6, 7)}
+"""Checks of reserved bits, and these bits."""
 PATIENCE: Final = 10_000
 """Refusals in one stream that a reader leaves out before it is taken for one that never ends."""
 
@@ -52,12 +54,12 @@ class Check:
 
 
 class _OfMain(ast.NodeTransformer):
-    """Leaves out what profile `main` does not do, and lets `refuse` and `checks` decide, which know the line."""
+    """Leaves out what profile `main` does not do, and lets `refuse` and `within` decide, which know the line."""
 
     def visit_If(self, node: ast.If) -> Any:
         self.generic_visit(node)
         if any(any(_calls(part, "refuse")) for part in node.body if isinstance(part, ast.Expr)):
-            node.test = _Inequalities().visit(node.test)
+            node.test = _Inequalities().visit(_Conditions().visit(node.test))
         asked = ast.unparse(node.test)
         if "['profile'] != MAIN" in asked:
             return node.orelse
@@ -76,7 +78,38 @@ class _OfMain(ast.NodeTransformer):
         self.generic_visit(node)
         if not (isinstance(node.value, ast.Call) and _name(node.value.func).startswith("check_")):
             return node
-        return ast.Expr(ast.IfExp(_call("checks", node.lineno), node.value, ast.Constant(None)))
+        return ast.Expr(_call("within", node.lineno, _later(node.value)))
+
+
+class _Conditions(ast.NodeTransformer):
+    """Lets `holds` decide about each of several conditions any of which is enough, and `are_set` about bits."""
+
+    def __init__(self) -> None:
+        self.negated = False
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
+        if not isinstance(node.op, ast.Not):
+            return node
+        self.negated = not self.negated
+        self.generic_visit(node)
+        self.negated = not self.negated
+        return node
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> Any:
+        named = [ast.Constant(ast.unparse(value)) for value in node.values]
+        self.generic_visit(node)
+        if isinstance(node.op, ast.And) != self.negated:
+            return node
+        node.values = [
+            _call("holds", node.lineno, name, _later(value), ast.Constant(self.negated))
+            for name, value in zip(named, node.values, strict=True)
+        ]
+        return node
+
+    def visit_Compare(self, node: ast.Compare) -> Any:
+        if ast.unparse(node) not in RESERVED:
+            return node
+        return _call("are_set", node.lineno, node.left)
 
 
 class _Inequalities(ast.NodeTransformer):
@@ -91,6 +124,10 @@ class _Inequalities(ast.NodeTransformer):
 
 def _call(name: str, line: int, *arguments: ast.expr) -> ast.Call:
     return ast.Call(ast.Name(name, ast.Load()), [ast.Constant(line), *arguments], [])
+
+
+def _later(value: ast.expr) -> ast.Lambda:
+    return ast.Lambda(ast.arguments([], [], None, [], [], None, []), value)
 
 
 def _name(node: ast.AST) -> str:
@@ -131,11 +168,10 @@ def refusals() -> tuple[Check, ...]:
 def calls_of_checks() -> tuple[Check, ...]:
     """Each place where the reader calls a function that refuses, and does nothing else there."""
     return tuple(
-        Check(_line(call), function.name, tuple(sorted(_rules_inside(node.body))))
+        Check(_line(call), function.name, tuple(sorted(_rules_inside(call.args[1].body))))
         for function in _functions()
-        for node in ast.walk(function)
-        if isinstance(node, ast.IfExp)
-        for call in _calls(node.test, "checks")
+        for call in _calls(function, "within")
+        if isinstance(call.args[1], ast.Lambda)
     )
 
 
@@ -152,6 +188,34 @@ def inequalities() -> tuple[tuple[Check, int], ...]:
     )
 
 
+@cache
+def conditions() -> tuple[tuple[Check, str], ...]:
+    """Each condition that is enough for a refusal and not the only one there is."""
+    return tuple(
+        (Check(_line(call), function.name, _rules_of(function, node.body)), str(ast.literal_eval(call.args[1])))
+        for function in _functions()
+        for node in ast.walk(function)
+        if isinstance(node, ast.If)
+        for call in _calls(node.test, "holds")
+    )
+
+
+@cache
+def reserved_bits() -> tuple[tuple[Check, int], ...]:
+    """Each bit in the body of a chunk, or in operating points, that must be 0."""
+    lines = SPEC.read_text(encoding="utf-8").splitlines()
+    return tuple(
+        (Check(_line(call), function.name, _rules_of(function, node.body)), bit)
+        for function in _functions()
+        for node in ast.walk(function)
+        if isinstance(node, ast.If)
+        for call in _calls(node.test, "are_set")
+        for said, bits in RESERVED.items()
+        if said in lines[_line(call) - 1].replace('"', "'")
+        for bit in bits
+    )
+
+
 def _rules_of(function: ast.FunctionDef, body: Iterable[ast.stmt]) -> tuple[str, ...]:
     refused = (call.args[1] for part in body for call in _calls(part, "refuse"))
     return tuple(sorted({rule for stated in refused for rule in _rules(function, stated)}))
@@ -161,7 +225,9 @@ def _rules_inside(call: ast.expr) -> set[str]:
     """The rules of the function that is called, of which the arguments may name some."""
     (named,) = (_name(node.func) for node in [call] if isinstance(node, ast.Call))
     rules = {rule for check in refusals() if check.function == named for rule in check.rules}
-    return rules & _stated(call) or rules
+    refused = (one for function in _functions() if function.name == named for one in _calls(function, "refuse"))
+    own = {rule for one in refused for rule in _stated(one.args[1])}
+    return rules & _stated(call) | own if rules & _stated(call) else rules
 
 
 def _line(call: ast.Call) -> int:
@@ -211,8 +277,12 @@ class Reader:
     ----------
     forgotten
         Lines and rules of the refusals that it leaves out; None: all.
-    uncalled
-        Lines on which it does not call a check.
+    inside
+        Lines and rules of the refusals that it leaves out in a check that it calls there.
+    untold
+        The line and text of a condition that it does not look at.
+    unseen
+        The line and number of a reserved bit that it does not look at.
     one_off
         The line and number of an inequality that it has the neighbour of: `>` for `>=`, and the other way round.
     names
@@ -222,23 +292,41 @@ class Reader:
     """
 
     forgotten: set[tuple[int, str]] | None = field(default_factory=set)
-    uncalled: set[int] = field(default_factory=set)
+    inside: set[tuple[int, str]] = field(default_factory=set)
+    untold: tuple[int, str] | None = None
+    unseen: tuple[int, int] | None = None
     one_off: tuple[int, int] | None = None
     names: dict[str, Any] = field(default_factory=dict)
     left_out: int = 0
+    _calls: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.names |= {"__name__": "reader", "refuse": self._refuse, "compares": self._compares}
-        self.names["checks"] = lambda line: line not in self.uncalled
+        self.names |= {"holds": self._holds, "are_set": self._are_set, "within": self._within}
         for tree in _compiled():
             exec(tree, self.names)
 
     def _refuse(self, line: int, rule: str, bit: int) -> None:
-        if self.forgotten is not None and (line, rule) not in self.forgotten:
+        places = {line, *self._calls}
+        left_out = self.forgotten is None or (line, rule) in self.forgotten
+        if not left_out and self.inside.isdisjoint((place, rule) for place in places):
             raise self.names["Fault"](rule, bit)
         self.left_out += 1
         if self.left_out > PATIENCE:
             raise RecursionError("it never ends")
+
+    def _within(self, line: int, check: Callable[[], object]) -> None:
+        self._calls.append(line)
+        try:
+            check()
+        finally:
+            self._calls.pop()
+
+    def _holds(self, line: int, text: str, condition: Callable[[], bool], negated: bool) -> bool:
+        return negated if (line, text) == self.untold else condition()
+
+    def _are_set(self, line: int, bits: int) -> bool:
+        return any(bits >> bit & 1 and (line, bit) != self.unseen for bit in range(8))
 
     def _compares(self, line: int, signs: str, *values: Any) -> bool:
         for number, (sign, left, right) in enumerate(zip(signs.split(), values, values[1:], strict=False)):
@@ -248,9 +336,9 @@ class Reader:
                 return False
         return True
 
-    def forget(self, checks: Collection[tuple[int, str]] | None, uncalled: Iterable[int] = ()) -> None:
+    def forget(self, checks: Collection[tuple[int, str]] | None, inside: Iterable[tuple[int, str]] = ()) -> None:
         """Leave these checks out, and no others; a limit with R-5-9, which says the same where there are no layers."""
-        self.uncalled = set(uncalled)
+        self.inside, self.untold, self.unseen, self.one_off = set(inside), None, None, None
         self.forgotten = None if checks is None else set(checks)
         if checks is not None and any(rule.startswith(LIMITS) and rule != "R-5-9" for _, rule in checks):
             self.forgotten = {*self.forgotten, *_stand_ins()}  # type: ignore[misc]

@@ -30,7 +30,7 @@ NO_ROOM: Final = ("r_3_1_1_splat_count_six_bytes", "r_3_1_1_main_splat_number_si
                   "r_6_2_3_before_codewords", "r_6_2_3_before_lane_state", "r_6_2_3_before_symbols")  # fmt: skip
 """Faults that are found before the value of an element or of a run is looked at (R-3.1-6)."""
 
-LONG: Final = ("r_5_7_main_splats", "r_5_7_main_bytes")
+LONG: Final = ("r_5_7_main_splats", "r_5_7_main_bytes", "r_5_9_main_splats", "r_5_9_main_bytes")
 """Faults of streams that are too long for mutants, which streams of profile `paper` find as well."""
 
 
@@ -59,6 +59,7 @@ def _twins() -> Iterator[Broken]:
     yield from number_forms(MAIN)
     yield from main_limits()
     yield from pace.pace_faults(pace.MAIN)
+    yield from pace.point_faults(pace.MAIN)
     yield from later_faults(MAIN)
     yield from container_orders(MAIN)
     yield from truncations(MAIN)

@@ -26,7 +26,7 @@ OUT_OF_RANGE_IN_PAPER: Final = {
 }  # fmt: skip
 """Values beside the ranges of section 6.3, of elements of profile `paper`."""
 
-RESERVED: Final = {"profile": (2, 255), "level": (0, 6, 255), "flags": (4, 7, 0x80)}
+RESERVED: Final = {"profile": (2, 255), "level": (0, 6, 255), "flags": (4, 7, 8, 16, 32, 64, 128)}
 """Reserved values of section 6.3."""
 
 CHUNK_NAMES: Final = ("header", "i_frame", "p_frame", "r_frame", "index", "end")

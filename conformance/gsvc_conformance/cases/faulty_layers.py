@@ -1,6 +1,6 @@
 """Faulty streams of profile `main` with layers (spec.md section 15.13)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -13,11 +13,12 @@ from gsvc_conformance.cases import CAPACITY
 from gsvc_conformance.cases.building import result
 from gsvc_conformance.cases.main_layers import BASE, LEVEL_2, SIZE, Edit, LayerPlan, covering, with_layers
 from gsvc_conformance.cases.main_streams import MAIN_HEADER, Plan, codes_of, crowd
+from gsvc_ref.bitstream.chunks import PREFIX_SIZE
 from gsvc_ref.bitstream.coder import encode_uv
 from gsvc_ref.main.cells import halving_count
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.main.densities import PLANES, SLOPED
-from gsvc_ref.testing import Lie, write_stream
+from gsvc_ref.testing import Lie, join_chunks, split_chunks, write_stream
 
 
 def grown(count: int, new: int, kind: MainCodes) -> MainCodes:
@@ -44,6 +45,26 @@ def _low_state(payload: bytes) -> bytes:
     return payload[:at] + bytes(4) + payload[at + 4 :]
 
 
+def _first_layer(data: bytes) -> tuple[int, int]:
+    """Where the first chunk `n` of a stream begins and ends."""
+    chunks = split_chunks(data)
+    number = next(number for number, (kind, _) in enumerate(chunks) if kind == b"n")
+    start, end = (len(join_chunks(chunks[:n], prefix=data[:PREFIX_SIZE])) for n in (number, number + 1))
+    return start, end
+
+
+def _other_checksum(data: bytes) -> bytes:
+    """The stream with another bit in `chunk_crc` of its first chunk `n`."""
+    _, end = _first_layer(data)
+    return data[: end - 1] + bytes([data[end - 1] ^ 1]) + data[end:]
+
+
+def _long_claim(data: bytes) -> bytes:
+    """The stream up to the length of its first chunk `n`, which is beyond level 1."""
+    start, _ = _first_layer(data)
+    return data[: start + 1] + encode_uv(2**20 + 1)
+
+
 @dataclass(frozen=True)
 class FaultyLayer:
     """A faulty stream with layers: its chunks, the rule, the lie and the truth, and the counts of its frames."""
@@ -60,12 +81,25 @@ class FaultyLayer:
     lost: tuple[tuple[int, int], ...] = ()
     in_base: bool = False  # whether a decoder of the base finds it, too
     long: bool = False  # whether the stream is too long for mutants
+    spoil: Callable[[bytes], bytes] = bytes  # what is done to the stream
 
 
 LAYER_I: Final = Plan("I", 2)
 MISSING: Final = "layer_mask names a layer without a chunk after "
 STANDS: Final = "it must stand there"
 LAST_OF_LEVEL_2: Final = ("level", 2), ("layer_count", 3), ("qualities", ((1, 0), (1, 0), (2, 0)))
+OF_LEVEL_1: Final = {
+    "splats": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(number=2 * 16378 + 1)),), "R-5-2",
+        "6 splats of the base and 16379 of a layer", "level 1 allows 16384 together"),
+    "splats_of_a_layer_that_is_repeated": FaultyLayer((LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),
+        LayerPlan(1, 1, Plan("R"))),
+        "R-5-2", "a base of 2 splats grows by 3 below a layer of 16380, which is repeated",
+        "level 1 allows 16384 together", (Plan("I", 2), Plan("P", 3, kind="likely")), complete=2, long=True),
+    "splats_that_are_carried": FaultyLayer((LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),), "R-5-2",
+        "a base of 2 splats grows by 3 below a layer of 16380, which is carried", "level 1 allows 16384 together",
+        (Plan("I", 2), Plan("P", 3, kind="likely")), complete=1),
+}  # fmt: skip
+"""More splats with a layer than level 1 allows; faulty streams of level 2, too, whose quality 1 is of level 1."""
 FAULTY_LAYERS: Final = {
     "layer_0": FaultyLayer((LayerPlan(0, 1, LAYER_I, lambda p: bytes([p[0] & 63]) + p[1:]),), "R-3.2-1",
         "a chunk is of layer 0", "the base has no chunk"),
@@ -87,8 +121,14 @@ FAULTY_LAYERS: Final = {
         in_base=True),
     "mask_bit_4": FaultyLayer((), "R-3.2-1", "bit 4 of layer_mask of an R-frame is 1", "it is reserved", complete=2,
         masks=((2, 16),), in_base=True),
+    **{f"mask_bit_{bit}": FaultyLayer((), "R-3.2-1", f"bit {bit} of layer_mask is 1", "it is reserved", complete=0,
+        masks=((0, 1 << bit),), in_base=True) for bit in (5, 6)},
     "mask_bit_7": FaultyLayer((), "R-3.2-1", "bit 7 of layer_mask is 1", "it is reserved", complete=0,
         masks=((0, 128),), in_base=True),
+    "wrong_checksum": FaultyLayer((LayerPlan(0, 1, LAYER_I),), "R-6.2-2", "chunk_crc of a layer has another bit",
+        "it is the CRC-32C, whether a decoder shows the layer or not", spoil=_other_checksum, in_base=True),
+    "payload_over_the_level": FaultyLayer((LayerPlan(0, 1, LAYER_I),), "R-5-3",
+        "a chunk of a layer claims 2^20 + 1 bytes", "level 1 allows 2^20, whether a decoder shows the layer or not", spoil=_long_claim, in_base=True),
     "frame_low": FaultyLayer((LayerPlan(0, 1, LAYER_I), LayerPlan(1, 1, Plan("R"), lambda p: bytes([p[0] & ~15]))),
         "R-15.13-4", "frame_low after frame 1 is 0", "1", complete=2),
     "frame_low_of_16": FaultyLayer((LayerPlan(16, 1, LAYER_I, lambda p: bytes([p[0] | 15]) + p[1:]),), "R-15.13-4",
@@ -123,8 +163,6 @@ FAULTY_LAYERS: Final = {
         "I of a layer has no densities", "it must have its own"),
     "densities_of_the_base": FaultyLayer((LayerPlan(0, 1, Plan("I")), LayerPlan(1, 1, Plan("P", 2), without_densities)),
         "R-15.5-4", "new splats of a layer without densities, which the base has", "a layer needs its own", complete=2),
-    "splats": FaultyLayer((LayerPlan(0, 1, LAYER_I, _body(number=2 * 16378 + 1)),), "R-5-2",
-        "6 splats of the base and 16379 of a layer", "level 1 allows 16384 together"),
     "splats_of_two_layers": FaultyLayer((LayerPlan(0, 1, Plan("I", 3)),
         LayerPlan(0, 2, LAYER_I, _body(number=2 * 16375 + 1))),
         "R-5-2", "6 splats of the base, 3 of layer 1 and 16376 of layer 2", "level 1 allows 16384 together"),
@@ -132,19 +170,21 @@ FAULTY_LAYERS: Final = {
         LayerPlan(1, 1, Plan("P", 2), _body(number=2 * 16380 + 1))),
         "R-5-2", "a base of 7 splats, and 3 of a layer that grows by 16381", "level 1 allows 16384 together",
         complete=2),
-    "splats_of_a_layer_that_is_repeated": FaultyLayer((LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),
-        LayerPlan(1, 1, Plan("R"))),
-        "R-5-2", "a base of 2 splats grows by 3 below a layer of 16380, which is repeated",
-        "level 1 allows 16384 together", (Plan("I", 2), Plan("P", 3, kind="likely")), complete=2, long=True),
-    "splats_that_are_carried": FaultyLayer((LayerPlan(0, 1, crowd(MAIN_HEADER, (25, 0), 16380)),), "R-5-2",
-        "a base of 2 splats grows by 3 below a layer of 16380, which is carried", "level 1 allows 16384 together",
-        (Plan("I", 2), Plan("P", 3, kind="likely")), complete=1),
+    **OF_LEVEL_1,
     "work": FaultyLayer((LayerPlan(0, 1, covering(113)), LayerPlan(0, 2, covering(100))), "R-5-4",
         "513 splats of the base and two layers cover 256x256 pixels: 2^25 + 2^16 pairs", "level 1 allows 2^25",
         (covering(300),), tuple(SIZE.items())),
     "work_that_is_carried": FaultyLayer((LayerPlan(0, 1, covering(300)),), "R-5-4",
         "a base of 212 splats grows by 1 below a layer of 300, all of which cover 256x256 pixels",
         "level 1 allows 2^25 pairs", (covering(212), grown(212, 1, covering(1))), tuple(SIZE.items())),
+    "work_of_a_point_that_takes_less": FaultyLayer((LayerPlan(0, 1, covering(213)),), "R-5-4",
+        "513 splats of the base and layer 1 cover 256x256 pixels, and quality 1 is shown at half size",
+        "level 1 allows 2^25 pairs at full size", (covering(300),),
+        (*SIZE.items(), ("layer_count", 2), ("qualities", ((1, 1), (1, 1)))), quality=1),
+    "work_of_a_point_that_takes_less_and_is_carried": FaultyLayer((LayerPlan(0, 1, covering(300)),), "R-5-4",
+        "a base of 212 splats grows by 1 below a layer of 300, and quality 1 is shown at half size",
+        "level 1 allows 2^25 pairs at full size", (covering(212), grown(212, 1, covering(1))),
+        (*SIZE.items(), ("layer_count", 2), ("qualities", ((1, 1), (1, 1)))), quality=1),
     "second_of_a_layer": FaultyLayer((LayerPlan(0, 1, covering(100)), LayerPlan(4, 2, covering(112)),
         LayerPlan(8, 2, Plan("R"))),
         "R-5-7", "with layer 2 the ninth frame of a second has 9 times the work of a frame",
@@ -165,6 +205,11 @@ FAULTY_LAYERS: Final = {
         "level 1 allows 64 times those of a frame", (Plan("I"), *[Plan("R")] * 64),
         (*LEVEL_2.items(), ("width", 512), ("height", 256), ("paced_flag", True), ("frame_rate_numerator", 65)),
         complete=64, quality=0, in_base=True),
+    "point_of_a_second_of_a_layer": FaultyLayer((LayerPlan(0, 1, covering(100)),
+        LayerPlan(4, 1, grown(100, 112, covering(112))), LayerPlan(8, 1, Plan("R"))), "R-5-9",
+        "with layer 1 the ninth frame of a second has 9 times the work of a frame, and quality 1 asks for level 1",
+        "level 1 allows 8 times that of a frame", (covering(300), *[Plan("R")] * 8),
+        (*SIZE.items(), *LAST_OF_LEVEL_2, ("paced_flag", True)), complete=9, quality=1),
     "point_of_too_many_splats": FaultyLayer((LayerPlan(0, 1, LAYER_I),), "R-5-9",
         "the base has 16385 splats, and quality 0 asks for level 1", "level 1 allows 16384",
         (crowd(MAIN_HEADER, (25, 0), 16385),), tuple(LEVEL_2.items()), complete=0, quality=0, in_base=True),
@@ -178,6 +223,8 @@ FAULTY_LAYERS: Final = {
     "point_of_too_many_bytes": FaultyLayer((LayerPlan(0, 1, LAYER_I, lambda p: p[:1] + bytes(2**20)),), "R-5-9",
         "a chunk of layer 1 has 2^20 + 1 bytes, and quality 1 asks for level 1", "level 1 allows 2^20",
         header=LAST_OF_LEVEL_2, quality=1, long=True),
+    **{f"point_of_{name}": replace(entry, rule="R-5-9", lie=f"{entry.lie}; quality 1 asks for level 1",
+        header=LAST_OF_LEVEL_2, quality=1) for name, entry in OF_LEVEL_1.items()},
     "lane_state": FaultyLayer((LayerPlan(0, 1, Plan("I", 1, kind="likely"), _low_state),), "R-6.6-5",
         "a lane state of a layer is too low", "2^16 is the lowest"),
     "word_too_few": FaultyLayer((LayerPlan(0, 1, Plan("I", 9), lambda p: p[:-2]),), "R-7-1",
@@ -209,9 +256,8 @@ def faulty_base(value: FaultyLayer) -> Inputs:
 
 
 def _stream_of(value: FaultyLayer) -> bytes:
-    return with_layers(
-        Draws(31), value.plans, value.layers, masks=dict(value.masks), lost=value.lost, **dict(value.header)
-    )
+    masks, header = dict(value.masks), dict(value.header)
+    return value.spoil(with_layers(Draws(31), value.plans, value.layers, masks=masks, lost=value.lost, **header))
 
 
 def _check(value: FaultyLayer, expected: Mapping[str, Any]) -> None:
@@ -247,6 +293,8 @@ POINTS: Final[dict[str, tuple[str, Lie, str, str]]] = {
     "level_0": ("R-3.2-1", Lie("quality_level", 0), "quality_level is 0", "it is reserved"),
     "level_6": ("R-3.2-1", Lie("quality_level", 6, 1), "the second quality_level is 6", "5 is the highest"),
     "reserved": ("R-3.2-1", Lie("quality_reserved", 4), "quality_reserved is 4", "0"),
+    **{f"reserved_{value}": ("R-3.2-1", Lie("quality_reserved", value), f"quality_reserved is {value}", "0")
+       for value in (1, 2)},
     "below_the_level": ("R-5-9", Lie("quality_level", 1, 1), "level is 2, and no quality_level is",
         "level is the greatest"),
     "above_the_level": ("R-5-9", Lie("quality_level", 3), "quality_level is 3, and level 2", "level is the greatest"),

@@ -118,8 +118,8 @@ ELEMENTS: Final[tuple[tuple[str, str, str, str, Lie, int], ...]] = (
     ("R-6.4-1", "main_frame_number", "the second frame has the number 2", "it is 1", Lie("frame_number", 2, 1), 1),
     ("R-3.2-1", "layer_count_0", "layer_count is 0", "1 to 4", Lie("layer_count", 0), 0),
     ("R-3.2-1", "layer_count_5", "layer_count is 5", "1 to 4", Lie("layer_count", 5), 0),
-    ("R-3.2-1", "main_tools_1", "main_tools is 1", "all its bits are reserved", Lie("main_tools", 1), 0),
-    ("R-3.2-1", "main_tools_128", "main_tools is 128", "all its bits are reserved", Lie("main_tools", 128), 0),
+    *(("R-3.2-1", f"main_tools_{1 << bit}", f"main_tools is {1 << bit}", "all its bits are reserved",
+       Lie("main_tools", 1 << bit), 0) for bit in range(8)),
     ("R-5-11", "max_lane_exponent_7", "max_lane_exponent is 7", "level 1 allows 6", Lie("max_lane_exponent", 7), 0),
     ("R-6.3-1", "max_lane_exponent_13", "max_lane_exponent is 13", "0 to 12", Lie("max_lane_exponent", 13), 0),
 )  # fmt: skip

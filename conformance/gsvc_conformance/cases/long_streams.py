@@ -125,6 +125,15 @@ def frames_beyond_14_bits() -> Inputs:
     assert not np.array_equal(parts[-2], parts[-1])
 
 
+@on("core", "reconstruct_stream", flags=[CAPACITY], rules=["R-6.4-1"])
+def frames_beyond_16_bits() -> Inputs:
+    """65,600 frames, all but the last two without splats: frame numbers take more than 16 bits."""
+    rest = FrameCodes.repeated_frame()
+    frames = [FrameCodes.intra_frame(None), *[rest] * 65_597, FrameCodes.intra_frame(intra_block(1)), predicted([1])]
+    expected = yield {"stream": stream_of(frames, index=True)}
+    assert np.flatnonzero(result(expected, "counts")).tolist() == [65_598, 65_599]
+
+
 @on("core", *STREAM, flags=["survivors", CAPACITY], rules=["R-5-2"])
 def splats_beyond_16_bits() -> Inputs:
     """65,613 splats of one shape but the last 90, of which every second one stays: indices take more than 16 bits."""

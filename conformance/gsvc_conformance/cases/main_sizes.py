@@ -73,6 +73,14 @@ def main_frames_beyond_14_bits(rng: Draws) -> Inputs:
     assert (len(counts), counts[:16_390].max(), counts[16_390:].min()) == (16_400, 1, 2)
 
 
+@case("core", "reconstruct_stream", flags=[CAPACITY], rules=["R-6.4-1"])
+def main_frames_beyond_16_bits(rng: Draws) -> Inputs:
+    """65,600 frames, all but the last two without splats: frame numbers take more than 16 bits."""
+    first, other = codes_of(MAIN_HEADER, [Plan("I"), Plan("I", 1)], rng)
+    expected = yield {"stream": write_stream(MAIN_HEADER, [first, *[REPEATED] * 65_597, other, REPEATED])}
+    assert np.flatnonzero(result(expected, "counts")).tolist() == [65_598, 65_599]
+
+
 # --- Many splats -----------------------------------------------------------------------------------------------------
 
 

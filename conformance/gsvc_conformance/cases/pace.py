@@ -15,7 +15,7 @@ from gsvc_conformance.cases.main_layers import SIZE, LayerPlan, covering, with_l
 from gsvc_conformance.cases.main_streams import READ, Plan, crowd
 from gsvc_ref.bitstream import LEVELS, SequenceHeader
 from gsvc_ref.bitstream.coder import encode_uv
-from gsvc_ref.bitstream.header import PER_SECOND
+from gsvc_ref.bitstream.header import PER_SECOND, Quality
 from gsvc_ref.main.codes import MainCodes
 from gsvc_ref.paper import FrameCodes
 from gsvc_ref.stream.profiles import AnyCodes
@@ -44,7 +44,7 @@ class Frames:
     empty
         An I-frame without splats.
     equal, covering
-        I-frames of a number of equal splats, small ones and such that cover all of `LARGEST`.
+        I-frames of a number of equal splats, small ones and such that cover a frame of a header.
     predicted
         A P-frame with a splat, after an I-frame without any.
     """
@@ -52,7 +52,7 @@ class Frames:
     header: SequenceHeader
     empty: AnyCodes
     equal: Callable[[int], AnyCodes]
-    covering: Callable[[int], AnyCodes]
+    covering: Callable[[SequenceHeader, int], AnyCodes]
     predicted: AnyCodes
 
     def paced(
@@ -62,13 +62,14 @@ class Frames:
         given = replace(self.header, parameter_checksum_flag=bool(flags & 1), **header)
         return write_stream(given, frames, index=index, lies=[Lie("flags", flags), *lies])
 
-    def two_seconds(self) -> bytes:
+    def two_seconds(self, **header: Any) -> bytes:
         """Frames I R in each of two seconds."""
-        return self.paced(group(self.equal(1), 2) * 2, frame_rate_numerator=2)
+        return self.paced(group(self.equal(1), 2) * 2, frame_rate_numerator=2, **header)
 
-    def heavy(self, count: int) -> list[AnyCodes]:
-        """`count` frames, each of as much work as level 1 allows at LARGEST."""
-        return group(self.covering(LEVEL.work // LEVEL.pixels), count)
+    def heavy(self, count: int, level: int = 1, **size: int) -> list[AnyCodes]:
+        """`count` frames, each of as much work as a level allows at its largest size."""
+        header, limits = replace(self.header, level=level, **(size or LARGEST)), LEVELS[level]
+        return group(self.covering(header, limits.work // limits.pixels), count)
 
 
 def group(intra: AnyCodes, count: int) -> list[AnyCodes]:
@@ -80,14 +81,14 @@ PAPER: Final = Frames(
     HEADER,
     FrameCodes.intra_frame(None),
     lambda count: FrameCodes.intra_frame(equal_splats(count)),
-    lambda count: FrameCodes.intra_frame(equal_splats(count, 1e30)),
+    lambda header, count: FrameCodes.intra_frame(equal_splats(count, 1e30)),
     predicted([], None, equal_splats(1)),
 )
 MAIN: Final = Frames(
     SMALL_HEADER,
     MainCodes(type="I", quantizer=24),
     lambda count: crowd(SMALL_HEADER, (32, 0), count),
-    lambda count: crowd(replace(SMALL_HEADER, **LARGEST), (32, 0), count),
+    lambda header, count: crowd(header, (32, 0), count),
     replace(crowd(SMALL_HEADER, (32, 0), 1), type="P"),
 )
 
@@ -152,6 +153,29 @@ def i_frames_of_a_broken_rate(value: Frames) -> Inputs:
     assert len(result(expected, "counts")) == 9
 
 
+HIGH_RATES: Final[dict[str, tuple[int, int]]] = {
+    "2_to_the_30": (2**30, 1), "most": (2**32 - 1, 1), "two_large_numbers": (2**32 - 1, 2**32 - 1),
+}  # fmt: skip
+"""Frame rates of which a number, a sum or four times the frames of a second takes more than 32 bits."""
+HIGH_RATES_IN_WORDS: Final = "2^30", "2^32 - 1", "2^32 - 1 by 2^32 - 1"
+
+
+@case(
+    "core", "reconstruct_stream", flags=["limit"], rules=["R-5-8"],
+    each={f"{of_main}{key}": (of, rate) for of_main, of in (("", PAPER), ("main_", MAIN))
+          for key, rate in HIGH_RATES.items()},
+    said={f"{of_main}{key}": words for of_main in ("", "main_")
+          for key, words in zip(HIGH_RATES, HIGH_RATES_IN_WORDS, strict=True)},
+)  # fmt: skip
+def paced_at_a_rate_of(value: tuple[Frames, tuple[int, int]]) -> Inputs:
+    """At {key} frames per second no I-frame is due."""
+    of, (numerator, denominator) = value
+    frames = group(of.empty, 9) if denominator == 1 else group(of.empty, 4) * 2
+    data = of.paced(frames, frame_rate_numerator=numerator, frame_rate_denominator=denominator)
+    expected = yield {"stream": data}
+    assert (result(expected, "error"), len(result(expected, "counts"))) == ("", len(frames))
+
+
 @of_both(flags=["limit"], rules=["R-5-7"])
 def as_many_pixels_of_a_second_as_allowed(value: Frames) -> Inputs:
     """64 of the largest frames in each of three seconds."""
@@ -211,7 +235,8 @@ def second_of_layers_of_as_much_work_as_allowed() -> Inputs:
 
 def pace_faults(of: Frames) -> Iterator[Broken]:
     """Paced streams of a profile that break a limit of a second, or the distance of I-frames."""
-    yield from _sums(of)
+    yield from _sums(of, "R-5-7")
+    yield from _sums_of_level_5(of)
     four, late = group(of.empty, 4), type(of.empty).repeated_frame()
     rate: dict[str, Any] = {"frame_rate_numerator": 1}
     faults: dict[str, tuple[list[AnyCodes], dict[str, Any]]] = {
@@ -229,21 +254,42 @@ def pace_faults(of: Frames) -> Iterator[Broken]:
                  "the first of two faults counts", partial(_wrong_and_late, of), 4, ("R-5-8",))  # fmt: skip
 
 
-def _sums(of: Frames) -> Iterator[Broken]:
+POINTS: Final[dict[str, Any]] = {"level": 2, "layer_count": 2, "qualities": (Quality(1), Quality(2))}
+"""What makes the limits of quality 0 those of level 1, in a stream of level 2."""
+
+
+def point_faults(of: Frames) -> Iterator[Broken]:
+    """Paced streams of level 2 that break a limit of a second of level 1, for which their first quality asks."""
+    yield from (fault for fault in _sums(of, "R-5-9", **POINTS) if "pixels" not in fault.what)
+
+
+def _sums(of: Frames, rule: str, **header: Any) -> Iterator[Broken]:
     most = "level 1 allows 64 times those of a frame"
     many = group(of.empty, 66)
-    yield Broken("R-5-7", "limit", "pixels", "65 frames of 512x256 pixels stand in a second", most,
-                 partial(of.paced, many, **LARGEST, frame_rate_numerator=65), 64)  # fmt: skip
-    yield Broken("R-5-7", "limit", "pixels_at_a_broken_rate", "at 64.5 frames per second, 65 stand in a second", most,
-                 partial(of.paced, many, **LARGEST, **SIXTY_FIVE), 64)  # fmt: skip
-    yield Broken("R-5-7", "limit", "splats", f"65 frames of {LEVEL.splats} splats stand in a second", most,
-                 lambda: of.paced(group(of.equal(LEVEL.splats), 65), frame_rate_numerator=65), 64)  # fmt: skip
-    yield Broken("R-5-7", "limit", "work", "9 frames of a second take 2^25 pairs each",
+    paced = partial(of.paced, **header)
+    yield Broken(rule, "limit", "pixels", "65 frames of 512x256 pixels stand in a second", most,
+                 partial(paced, many, **LARGEST, frame_rate_numerator=65), 64)  # fmt: skip
+    yield Broken(rule, "limit", "pixels_at_a_broken_rate", "at 64.5 frames per second, 65 stand in a second", most,
+                 partial(paced, many, **LARGEST, **SIXTY_FIVE), 64)  # fmt: skip
+    yield Broken(rule, "limit", "splats", f"65 frames of {LEVEL.splats} splats stand in a second", most,
+                 lambda: paced(group(of.equal(LEVEL.splats), 65), frame_rate_numerator=65), 64)  # fmt: skip
+    yield Broken(rule, "limit", "work", "9 frames of a second take 2^25 pairs each",
                  "level 1 allows 8 times those of a frame",
-                 lambda: of.paced([*group(of.empty, 10), *of.heavy(10)], **LARGEST, frame_rate_numerator=10),
+                 lambda: paced([*group(of.empty, 10), *of.heavy(10)], **LARGEST, frame_rate_numerator=10),
                  18)  # fmt: skip
-    yield Broken("R-5-7", "limit", "bytes", "a second has 2^20 + 1 bytes", "level 1 allows 2^20",
-                 lambda: padded(of.two_seconds(), 0, (0, 1), BYTES + 1), 1)  # fmt: skip
+    yield Broken(rule, "limit", "bytes", "a second has 2^20 + 1 bytes", "level 1 allows 2^20",
+                 lambda: padded(of.two_seconds(**header), 0, (0, 1), BYTES + 1), 1)  # fmt: skip
+
+
+def _sums_of_level_5(of: Frames) -> Iterator[Broken]:
+    """Those that 32 bits do not hold."""
+    size = {"width": 8192, "height": 8192}
+    yield Broken("R-5-7", "limit", "pixels_beyond_32_bits", "65 frames of 8192x8192 pixels stand in a second",
+                 "level 5 allows 64 times those of a frame",
+                 lambda: of.paced(group(of.empty, 65), **size, level=5, frame_rate_numerator=65), 64)  # fmt: skip
+    yield Broken("R-5-7", "limit", "work_beyond_32_bits", "9 frames of a second take 2^34 pairs each",
+                 "level 5 allows 8 times those of a frame",
+                 lambda: of.paced(of.heavy(9, 5, **size), **size, level=5, frame_rate_numerator=10), 8)  # fmt: skip
 
 
 def _wrong_and_late(of: Frames) -> bytes:
