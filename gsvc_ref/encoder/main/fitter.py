@@ -26,13 +26,13 @@ MAX_SHEAR: Final = 12.0  # largest |l21 / l22|: what every density can hold
 MIN_MARGIN: Final = 0.01
 """Smallest distance in pixels of a center from the edge of the frame, inside of which a cell must hold it."""
 
-_NO_SPLATS: Final[F8] = np.zeros((0, 8))
+_NONE_BELOW: Final[F8] = np.zeros((0, 8))
 
 Penalty = Callable[[F8, F8], float]
 """A term beside the error, of coordinates (N, 8); its gradient is added to another (N, 8)."""
 
 
-def fit(target: Target | LayeredTarget, total: int, rng: Generator, evaluations: int, below: F8 = _NO_SPLATS) -> F8:
+def fit(target: Target | LayeredTarget, total: int, rng: Generator, evaluations: int, below: F8 = _NONE_BELOW) -> F8:
     """Coordinates (N, 8) of `total` splats close to a picture, without rounding and at any number of bits.
 
     `rng` draws their places. The evaluations are those of all splats, beside one for each addition. Splats (B, 8) of
