@@ -1,8 +1,9 @@
 """The search for causes in a whole run: what it needs is collected vector by vector."""
 
 from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import cache
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import NDArray
 
 from gsvc_base.cli.text import plural
 from gsvc_conformance.diagnosis.failures import Failure
-from gsvc_conformance.operation import DTYPES
+from gsvc_conformance.operation import DTYPES, operations
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.results import FAULTS, Result
 from gsvc_conformance.runner import Judged
 from gsvc_conformance.spec import complexity, leads_to
@@ -19,9 +21,8 @@ from gsvc_conformance.vector import Vector
 NOTHING: Final = np.zeros(0)
 READING: Final = {"paper": "read_stream", "main": "read_main_stream"}
 """The operations that list what a stream says, by profile, and so tell more of a fault than the splats that it has."""
-WHOLE_STREAMS: Final = (
-    "reconstruct_stream", "reconstruct_layers", "decode_stream", "decode_stream_deterministic", "decode_layers", "seek",
-)  # fmt: skip
+PARTS: Final = ("bitstream", "reconstruction")
+"""The classes of the operations that readers of streams are made of."""
 MEND: Final = ": mend that first"
 """The end of sentences about wrong operations inside another one."""
 
@@ -126,7 +127,10 @@ class Causes:
         """The results with their causes, and what is to be said of the search."""
         results = list(results)
         self.searches, self.examined, self.faults = [], set(), []
-        wrong = {result.operation for result in results if result.outcome in FAULTS}
+        wrong: defaultdict[str, set[str]] = defaultdict(set)
+        for result in results:
+            if result.outcome in FAULTS and not self._is_mute(result.operation):
+                wrong[result.operation].add(result.profile)
         causes: dict[str, list[str]] = {}
         for operation in dict.fromkeys([*self._failures, *self._errors]):
             try:
@@ -137,36 +141,71 @@ class Causes:
         found = [replace(result, causes=tuple(causes.get(result.id, ()))) for result in results]
         return found, [*notes, *self.faults]
 
-    def _searched(self, operation: str, wrong: set[str]) -> dict[str, list[str]]:
-        """The causes of an operation's failures by id, where the operations in `wrong` have failures, too."""
-        from gsvc_conformance.diagnosis import MAYBE, diagnose, examined, is_place, mutants_for
+    def _is_mute(self, operation: str) -> bool:
+        """Whether an operation that lists what a stream says ended with errors alone, which say less than others."""
+        return operation in READING.values() and operation not in self._failures
+
+    def _searched(self, operation: str, wrong: Mapping[str, set[str]]) -> dict[str, list[str]]:
+        """The causes of an operation's failures by id, where those in `wrong` have failures of some profiles, too."""
+        from gsvc_conformance.diagnosis import diagnose, examined, hedged, is_sure, mutants_for
 
         failures = self._failures[operation]
-        causes = diagnose(failures, self._passed[operation], self._errors[operation])
         seen = [failure.vector for failure in examined(failures)]
-        for vector in (*seen, *self._errors[operation]):
-            first = mend_first(operation, wrong) or read_first(vector, wrong)
-            if first and all(is_place(cause) or cause.startswith(MAYBE) for cause in causes.get(vector.id, ())):
-                causes[vector.id] = [first]
+        self.examined |= {vector.id for vector in seen}
+        first = {
+            vector.id: mend_first(operation, vector.profile, wrong) for vector in (*seen, *self._errors[operation])
+        }
+        if reads_streams(operation) and all(map(_is_of_reader, first.values())):
+            return {name: [sentence] for name, sentence in first.items()}
+        causes = diagnose(failures, self._passed[operation], self._errors[operation])
+        for name, sentence in first.items():
+            if sentence and not any(map(is_sure, causes.get(name, ()))):
+                causes[name] = [sentence]
+        if reads_streams(operation):
+            passed = [vector for vectors in self._passed.values() for vector in vectors]
+            causes = {name: [hedged(cause, passed) for cause in some] for name, some in causes.items()}
         unexplained = [vector for vector in seen if not causes.get(vector.id)]
         tried = {mutant.name for vector in unexplained for mutant in mutants_for(vector)}
         self.searches.append(Search(operation, len(failures), len(seen), len(unexplained), len(tried)))
-        self.examined |= {vector.id for vector in seen}
         return causes
 
 
-def read_first(vector: Vector, wrong: Iterable[str]) -> str:
-    """A sentence about the operation that lists what a stream says, if it is wrong where a whole stream is."""
-    reading = READING.get(vector.profile, "")
-    if vector.operation.name not in WHOLE_STREAMS or reading not in wrong:
-        return ""
-    return f"{reading} is wrong{MEND}"
+def _is_of_reader(sentence: str) -> bool:
+    """Whether a sentence names an operation that is wrong in whatever is read, not in what is drawn of it."""
+    return any(name in sentence.split() for name, about in operations().items() if about.group in PARTS)
 
 
-def mend_first(operation: str, wrong: Iterable[str]) -> str:
-    """A sentence about those wrong operations that an operation is made of; empty if there are none."""
-    inside = sorted((leads_to(operation) - {operation}) & set(wrong), key=complexity)
-    leaves = [name for name in inside if not (leads_to(name) - {name}).intersection(inside)]
+@cache
+def parts_of(operation: str, profile: str) -> frozenset[str]:
+    """The operations that an operation is made of, where it reads a stream of some profile.
+
+    These are the code's functions that it leads to, and of one that reads streams those that share their code with it.
+    """
+    own = leads_to(operation)
+    found = own & operations().keys() - {operation}
+    if not reads_streams(operation):
+        return found
+    shared = {
+        name for name, part in operations().items()
+        if part.group in PARTS and not name.startswith("encode_") and not reads_streams(name)
+        and leads_to(name) - {name} and leads_to(name) - {name} <= own
+    }  # fmt: skip
+    reading = READING.get(profile, operation)
+    return frozenset({*found, *shared, reading} - {operation})
+
+
+def reads_streams(operation: str) -> bool:
+    """Whether an operation has a stream as an input."""
+    return operation in operations() and any(port.type == "stream" for port in operations()[operation].inputs)
+
+
+def mend_first(operation: str, profile: str, wrong: Mapping[str, set[str]]) -> str:
+    """A sentence about those operations inside another one that are wrong in a profile; empty if there are none."""
+    inside = [
+        name for name in parts_of(operation, profile)
+        if wrong.get(name, set()) & {profile, ANY} or (profile == ANY and wrong.get(name))
+    ]  # fmt: skip
+    leaves = sorted((name for name in inside if not parts_of(name, profile).intersection(inside)), key=complexity)
     if not leaves:
         return ""
     return f"{' and '.join(leaves)} {'are' if leaves[1:] else 'is'} wrong{MEND}"

@@ -9,6 +9,7 @@ from gsvc_conformance.commands.judging import _unusual_notes
 from gsvc_conformance.diagnosis import is_place
 from gsvc_conformance.implementations import ModuleImplementation
 from gsvc_conformance.mutants import MUTANTS
+from gsvc_conformance.profiles import ANY
 from gsvc_conformance.report.console import cause_lines
 from gsvc_conformance.report.element_tables import _relation
 from gsvc_conformance.results import OutputResult, Result, simplest_first
@@ -58,13 +59,24 @@ def test_an_operation_inside_that_is_wrong_is_named_in_place_of_places():
     assert alone[frame] != said[frame]
 
 
+def first_of(operation, *wrong):
+    return mend_first(operation, ANY, {name: {ANY} for name in wrong}).removesuffix(" wrong: mend that first")
+
+
 def test_only_the_leaves_of_what_is_wrong_are_to_be_mended_first():
-    assert mend_first("render_frame", {"render_frame", "render_gradients"}) == ""
-    assert mend_first("decode_stream", {"render_frame", "to_frame", "decode_stream"}) == (
-        "to_frame is wrong: mend that first"
-    )
-    both = mend_first("render_frame", {"render_sum", "to_frame"})
-    assert set(both.removesuffix(" are wrong: mend that first").split(" and ")) == {"render_sum", "to_frame"}
+    assert first_of("render_frame", "render_frame", "render_gradients") == ""
+    assert first_of("decode_stream", "render_frame", "to_frame", "decode_stream") == "to_frame is"
+    assert set(first_of("render_frame", "render_sum", "to_frame").removesuffix(" are").split(" and ")) == {
+        "render_sum",
+        "to_frame",
+    }
+
+
+def test_a_reader_of_streams_is_made_of_what_shares_its_code():
+    wrong = {"main_inter": {"main"}, "read_main_stream": {"main"}, "decode_plane": {"paper"}}
+    assert mend_first("seek", "main", wrong) == "main_inter is wrong: mend that first"
+    assert mend_first("seek", "paper", wrong) == "decode_plane is wrong: mend that first"
+    assert mend_first("read_main_stream", "main", {"encode_plane": {ANY}, "render_sum": {ANY}}) == ""
 
 
 def test_a_search_that_fails_ends_nothing(monkeypatch):

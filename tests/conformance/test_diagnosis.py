@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gsvc_conformance.diagnosis import catalogue, diagnose
+from gsvc_conformance.diagnosis import catalogue, diagnose, hedged
 from gsvc_conformance.diagnosis.catalogue import both as _both
 from gsvc_conformance.diagnosis.places import common_condition
 from gsvc_conformance.mutants import MUTANTS, answer, called, kills
@@ -197,3 +197,26 @@ def test_every_error_of_one_kind():
 def test_no_two_mutants_are_the_same():
     """The report could not tell them apart, and would have to name both."""
     assert len({frozenset(mutant.patches) for mutant in MUTANTS}) == len(MUTANTS)
+
+
+def test_the_numbers_of_an_input_tell_where_an_output_is_wrong():
+    vector = vector_of("core/codes_of_classes/every_class")
+    codes = vector.expected["codes"].value + 3 * (vector.inputs["classes"] == 4)
+    assert diagnose([(vector, {"codes": codes})])[vector.id][0] == "errors only where classes is 4"
+
+
+def test_a_mutant_that_would_fail_what_passed_is_hedged():
+    mutant = mutant_called("sheared-by-a-alone")
+    names = [name for name in FOLDER.names if name.startswith("core/main_inter/")]
+    vector = next(vector for vector in FOLDER.read(names) if mutant.name in vector.manifest["kills"])
+    assert hedged(mutant.sentence, [vector]) == f"could be {mutant.sentence}"
+    assert hedged(mutant.sentence, []) == mutant.sentence
+    assert hedged("errors in S alone", [vector]) == "errors in S alone"
+
+
+def test_one_integer_beside_another_wrong_output_is_no_account():
+    mutant = mutant_called("window-below-512")
+    vectors = FOLDER.read([name for name in FOLDER.names if "/window_frequencies/" in name])
+    failures = [(v, answer(mutant, v.operation, v.inputs)) for v in vectors if kills(v, mutant)]
+    assert len(failures) > 1
+    assert all(told == [mutant.sentence] for told in diagnose(failures).values())

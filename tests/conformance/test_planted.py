@@ -6,7 +6,7 @@ from typing import get_args
 import planted
 import pytest
 from planted import main_profile, peers
-from planted.page import BEGIN, END, PAGE, page
+from planted.page import BEGIN, END, PAGE, kept, page, to_json
 
 from gsvc_base.errors import UsageError
 from gsvc_conformance.mutants import MUTANTS
@@ -26,7 +26,8 @@ def test_the_lists_are_large_and_parts_were_held_back():
     older, newer = ([mutant for mutant in mutants if mutant.known == known] for known in ("older", "newer"))
     assert 0.25 <= sum(mutant.held_back for mutant in older) / len(older) <= 0.42
     assert 0.4 <= sum(mutant.held_back for mutant in newer) / len(newer) <= 0.6
-    assert [len(part) for part in (main_profile.REPORTED, main_profile.THIRD)] == [21, 30]
+    assert [len(part) for part in (main_profile.REPORTED, main_profile.THIRD, main_profile.FRESH)] == [21, 30, 10]
+    assert len(main_profile.RAISING) == len(main_profile.HARD)
     assert [len(part) for part in (peers.IMPLEMENTATIONS, peers.AUTOGRAD)] == [13, 6]
 
 
@@ -57,7 +58,9 @@ def test_planted_mutants_are_named_rightly(capsys):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("mutant", main_profile.PLANTED, ids=lambda mutant: mutant.name)
+@pytest.mark.parametrize(
+    "mutant", [*main_profile.PLANTED[: -len(main_profile.RAISING)]], ids=lambda mutant: mutant.name
+)
 def test_a_fault_of_main_is_caught(mutant):
     assert any(entry.result.outcome in ("fail", "error") for entry in planted.judged(mutant))
 
@@ -67,7 +70,7 @@ def test_a_planted_mutant_is_none_of_the_catalogue_by_name(mutant):
     assert mutant.name not in {mutant.name for mutant in MUTANTS}
 
 
-@pytest.mark.parametrize("mutant", main_profile.THIRD, ids=lambda mutant: mutant.name)
+@pytest.mark.parametrize("mutant", [*main_profile.THIRD, *main_profile.FRESH], ids=lambda mutant: mutant.name)
 def test_what_was_made_up_later_is_none_of_the_catalogue_by_its_code(mutant):
     (patches,) = mutant.functions.args
     assert not {patches, patches[::-1]} & {mutant.patches for mutant in MUTANTS}
@@ -104,3 +107,22 @@ def test_the_page_has_what_was_found_between_its_marks():
     assert "| autograd, all | 6 | 6 | 6 | 0 | 0 | 0 |" in found
     assert "| clamp | right | a cause of \\|a\\| |" in found
     assert found.endswith(END)
+
+
+def test_what_was_found_is_kept_for_the_next_run(tmp_path):
+    file = tmp_path / "found.json"
+    assert kept(file) == []
+    (fault,) = (fault for fault in planted.all_planted() if fault.name == "g_s of any size")
+    file.write_text(to_json([planted.Said(fault, "right", ("a cause",), "begin with: it")]), encoding="utf-8")
+    (one,) = kept(file)
+    assert (one.mutant.name, one.mutant.part, one.verdict, one.lines) == (fault.name, "reported", "right", ("a cause",))
+
+
+def test_a_decoder_answers_as_far_as_it_got():
+    vector = next(vector for vector in planted.vectors_of("read_main_stream", "main") if "/main_lanes_64" in vector.id)
+    (fault,) = (fault for fault in main_profile.THIRD if fault.name == "contexts of V_y from 0, 2 and 7 on")
+    given = fault.functions()["read_main_stream"](**vector.inputs)
+    right = {name: expectation.value for name, expectation in vector.expected.items()}
+    assert len(given["frame_types"]) < len(given["bodies"]) <= len(right["bodies"])
+    assert 0 < len(given["symbols"]) < len(right["symbols"])
+    assert given["bodies"].tolist() == right["bodies"][: len(given["bodies"])].tolist()

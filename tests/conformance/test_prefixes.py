@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from planted.main_profile import as_far_as_it_goes
 
 from gsvc_conformance.diagnosis import diagnose, is_place
 from gsvc_conformance.diagnosis.coded import same_symbols
 from gsvc_conformance.diagnosis.failures import Failure
+from gsvc_conformance.diagnosis.prefixes import prefix_sentences
 from gsvc_conformance.expectations import Bounded, Exact
 from gsvc_conformance.mutants import MUTANTS
 from gsvc_conformance.names import with_names
@@ -22,20 +24,6 @@ NUMBERS = np.arange(12, dtype=np.int64).reshape(6, 2)
 def vector_of(name):
     (vector,) = VectorFolder(VECTORS).read([name])
     return vector
-
-
-def so_far(patches, stream):
-    """What a decoder has decoded of a stream before it finds a fault."""
-    names, runs, frames = namespace(patches), [], []
-    read_parts = names["read_parts"]
-    names["read_parts"] = lambda run, parts: runs.append(run) or read_parts(run, parts)
-    s, state = names["open_stream"](stream)
-    try:
-        frames.extend(names["read_frames"](s, state))
-    except names["Fault"]:
-        pass
-    symbols = [symbol for run in runs for symbol in run.decoded]
-    return np.array(symbols, np.uint16).reshape(-1, 4)
 
 
 def cut(vector, symbols):
@@ -80,7 +68,9 @@ def test_a_desync_is_told_as_a_place_with_frame_pass_and_lane():
     symbols = right[:-3].copy()
     symbols[-4:, 0] ^= 5
     general, precise = diagnose([cut(vector, symbols)])[STREAM][:2]
-    assert general == "first wrong: symbols of modes"
+    assert general.startswith(
+        "first wrong: symbols of modes, by a table that is wrong; it depends on the model, the past"
+    )
     number = len(symbols) - 4
     assert precise.startswith(f"first wrong: symbols {number} of {len(right)} (frame 2, pass 3, lane ")
     assert f"c(s)): {symbols[number, 0]}, expected {right[number, 0]}; header, " in precise
@@ -91,8 +81,11 @@ def test_a_desync_is_told_as_a_place_with_frame_pass_and_lane():
 def test_all_that_is_there_may_be_right():
     vector = vector_of(STREAM)
     right = vector.expected["symbols"].value
-    (sentence,) = diagnose([cut(vector, right[:-3])])[STREAM]
-    assert sentence == f"right as far as it goes: {len(right) - 3} of {len(right)} items of symbols"
+    general, precise = diagnose([cut(vector, right[:-3])])[STREAM]
+    assert general == "right as far as it goes: a run ends inside of the symbols of modes"
+    assert precise.startswith(
+        f"right as far as it goes: {len(right) - 3} of {len(right)} items of symbols, up to frame 2, "
+    )
 
 
 def test_a_refusal_that_any_desync_gives_is_a_place():
@@ -108,6 +101,52 @@ def test_symbols_behind_the_first_wrong_one_tell_mutants_apart():
     vector = vector_of("core/read_main_stream/main_past_of_splats")
     by_name = {mutant.name: mutant for mutant in MUTANTS}
     ours, other = by_name["past-exchanged"], by_name["new-splats-forgotten"]
-    failure = cut(vector, so_far(ours.patches, vector.inputs["stream"]))
+    failure = cut(vector, as_far_as_it_goes(namespace(ours.patches))(vector.inputs["stream"])["symbols"])
     assert same_symbols(failure, ours)
     assert not same_symbols(failure, other)
+
+
+def test_what_is_wrong_with_the_first_wrong_symbol():
+    vector = vector_of("core/read_main_stream/main_models_adapt")
+    right = vector.expected["symbols"].value
+    rows = np.flatnonzero((right[:, 2] == 4) & (right[:, 3] == 0))
+
+    def said(change):
+        symbols = right[:-1].copy()
+        symbols[rows[-1]] = change
+        return prefix_sentences([cut(vector, symbols)])[vector.id][0]
+
+    (*_, turn, lane) = right[rows[-1]]
+    assert said((*right[rows[-1], :2], turn, lane + 1)) == "first wrong: lane of symbols of first components"
+    assert "by a table that is wrong" in said((3, 3, turn, lane))
+    others = [row for row in right[rows] if (row[:2] != right[rows[-1], :2]).any()]
+    assert any("its table is right" in said(row) for row in others)
+    assert any("by the table of another context" in said(row) for row in others)
+
+
+def test_where_a_decoder_ends_whose_symbols_are_right():
+    vector = vector_of("core/read_main_stream/main_lanes_64")
+    right = vector.expected["symbols"].value
+
+    def said(count, frames):
+        whole = cut(vector, right[:count])
+        whole.outputs["frame_types"] = whole.outputs["frame_types"][:frames]
+        return prefix_sentences([whole])[vector.id][0]
+
+    fall = int(np.flatnonzero(np.diff(right[:, 2].astype(np.int64)) < 0)[0]) + 1
+    assert said(fall, 0).endswith("a run is refused behind its last symbol (words, final states or raw bits)")
+    assert said(fall, 1).endswith("a frame is refused in front of its symbols")
+    assert said(fall - 3, 0).endswith("a run ends inside of the symbols of size, aspect and shear")
+
+
+def test_passes_of_components_are_told_from_those_of_new_splats():
+    vector = vector_of("core/read_main_stream/main_quantizer_kept")
+    right = vector.expected["symbols"].value
+    starts = np.flatnonzero(np.diff(right[:, 2].astype(np.int64), prepend=99))
+    passes = [start for start in starts if right[start, 2] == 4 and 3 in right[:start, 2][-40:]]
+    told = set()
+    for start in passes:
+        symbols = right[:-1].copy()
+        symbols[start, 3] += 1
+        told.add(prefix_sentences([cut(vector, symbols)])[vector.id][0])
+    assert "first wrong: lane of symbols of first components" in told

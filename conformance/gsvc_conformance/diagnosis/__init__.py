@@ -14,10 +14,10 @@ import numpy as np
 
 from gsvc_conformance.diagnosis import catalogue
 from gsvc_conformance.diagnosis.attribution import OPEN, Attribution, attributed
-from gsvc_conformance.diagnosis.catalogue import MAYBE, mutants_for
+from gsvc_conformance.diagnosis.catalogue import MAYBE, mutants_for, mutants_in
 from gsvc_conformance.diagnosis.failures import Failure, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.looks import Look, generic_looks
-from gsvc_conformance.diagnosis.places import common_condition, output_sentence
+from gsvc_conformance.diagnosis.places import common_condition, output_sentences
 from gsvc_conformance.diagnosis.prefixes import FIRST_WRONG, RIGHT_SO_FAR, prefix_sentences
 from gsvc_conformance.diagnosis.ratios import spread
 from gsvc_conformance.diagnosis.streams import REFUSED_LEGAL, is_desync, kind_sentence, refusal_sentence
@@ -26,7 +26,10 @@ from gsvc_conformance.expectations import Bounded, Exact, Refusal
 from gsvc_conformance.operation import input_size, is_unusual
 from gsvc_conformance.vector import Vector
 
-__all__ = ["EXAMINED", "MAYBE", "VAGUE", "Failure", "diagnose", "examined", "is_place", "mutants_for"]
+__all__ = [
+    "EXAMINED", "MAYBE", "VAGUE", "Failure", "diagnose", "examined", "hedged", "is_place", "is_sure",
+    "mutants_for",
+]  # fmt: skip
 
 EXAMINED: Final = 12
 """Failures of an operation that are looked at, from the smallest inputs to the largest."""
@@ -91,6 +94,18 @@ def is_place(sentence: str) -> bool:
     return sentence.startswith(VAGUE) or PLACE.search(sentence) is not None
 
 
+def is_sure(sentence: str) -> bool:
+    """Whether a sentence names a cause without a hedge."""
+    return not is_place(sentence) and not sentence.startswith(MAYBE)
+
+
+def hedged(sentence: str, passed: Iterable[Vector]) -> str:
+    """The sentence, with a hedge if its mutants would fail any vector that was answered rightly."""
+    names = {mutant.name for mutant in mutants_in(sentence)} if is_sure(sentence) else set()
+    against = any(names.intersection(vector.manifest.get("kills", ())) for vector in passed)
+    return f"{MAYBE}{sentence}" if against else sentence
+
+
 def diagnose(
     failures: Sequence[Failure | tuple[object, ...]], passed: Iterable[Vector] = (), errors: Sequence[Vector] = ()
 ) -> dict[str, list[str]]:
@@ -123,12 +138,14 @@ def diagnose(
         _attribute(several, looks, named)
         open_ones = [failure for failure in open_ones if failure.vector.id not in several.ids]
     alike = mutants_by_verdicts(wrong, errors, passed) if errors or len(open_ones) > len(chosen) / 2 else []
+    prefixes, outputs = prefix_sentences(chosen), output_sentences(chosen)
     common = "" if several else common_condition([*(failure.vector for failure in wrong), *errors], passed)
-    if len(errors) > len(passed) and _reads_streams(errors[0]):  # any mutant that desyncs ends so, too
+    if len(errors) > len(wrong) and _reads_streams(errors[0]):  # any mutant that desyncs ends so, too
         alike = [f"{MAYBE}{sentence.removeprefix(MAYBE)}" for sentence in alike]
     said = {
-        failure.vector.id: _sentences(failure, looks[failure.vector.id], named.get(failure.vector.id) or alike, common)
+        name: _sentences(failure, looks[name], named.get(name) or alike, prefixes[name], [outputs[name], common])
         for failure in chosen
+        if (name := failure.vector.id)
     }
     never = [] if passed or failures or len(errors) < FEWEST else [_simplest(errors)]
     return said | {vector.id: alike or ([common] if common else never) for vector in errors}
@@ -152,8 +169,8 @@ def _simplest(errors: Sequence[Vector]) -> str:
     return f"every answer is an error, that to the smallest vector too, which is {first.id}"
 
 
-def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) -> list[str]:
-    """The sentences of one failure: what it is, or at least where."""
+def _sentences(failure: Failure, look: Look, mutants: list[str], prefix: list[str], others: list[str]) -> list[str]:
+    """The sentences of one failure: what it is, or at least where; `others` say which outputs and vectors are wrong."""
     found = [*look.strong[:2], *mutants]
     if not found:
         given = parts(failure)
@@ -162,14 +179,11 @@ def _sentences(failure: Failure, look: Look, mutants: list[str], common: str) ->
         found = found or _one_step(compared) or _imprecision(failure)
     alike = is_desync(failure) and all(sentence.startswith(catalogue.ALIKE) for sentence in found)
     if not found or found == look.weak[:1] or alike:
-        prefix, refusal = prefix_sentences(failure), refusal_sentence(failure)
-        places = (refusal, *prefix[-1:], *found) if alike else (*prefix,) if prefix else (*found, refusal)
-        found = [sentence for sentence in (*places, "" if prefix else _outputs(failure), common) if sentence]
+        refusal = refusal_sentence(failure)
+        refused = alike or (refusal and prefix and not is_desync(failure))
+        places = (refusal, *prefix[-1:], *found) if refused else (*prefix,) if prefix else (*found, refusal)
+        found = [sentence for sentence in (*places, *others[bool(prefix) :]) if sentence]
     return list(dict.fromkeys(found))[:MAX_SENTENCES]
-
-
-def _outputs(failure: Failure) -> str:
-    return output_sentence(failure.vector, failure.outputs)
 
 
 def _not_numbers(found: Sequence[Part]) -> list[str]:

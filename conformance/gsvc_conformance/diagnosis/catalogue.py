@@ -175,6 +175,11 @@ def mutants_for(vector: Vector) -> list[Mutant]:
     return [mutant for mutant in MUTANTS if run & mutant.touched()] if run else []
 
 
+def mutants_in(sentence: str) -> list[Mutant]:
+    """The mutants that a sentence names."""
+    return [mutant for mutant in MUTANTS if mutant.sentence in sentence]
+
+
 def both(a: Mutant, b: Mutant) -> Mutant:
     """Two mutants as one."""
     return Mutant(f"{a.name}+{b.name}", a.area, f"{a.sentence}, and {b.sentence}", a.patches + b.patches)

@@ -29,6 +29,9 @@ MIN_SINGLES: Final = 0.75
 SMALL: Final = 16
 """In an output with fewer elements a place says little."""
 
+FEWEST: Final = 2
+"""Number of wrong outputs from which on one integer is no account of them."""
+
 Key = tuple[str, str]
 """The id of a vector and an output."""
 
@@ -68,8 +71,11 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
     able = sum(_solvable(failure) for failure in failures)
     if sum(any(c.single for c in candidates) for candidates in strong.values()) < MIN_SINGLES * able:
         strong = {key: [c for c in candidates if not c.single] for key, candidates in strong.items()}
+    lone = {(failure.vector.id, part) for failure in failures for part in _lone_numbers(failure)}
     for table, strongly in ((strong, True), (weak, False)):
-        for name, sentence in _by_vector(_chosen(table, wrong_parts, passed), wrong_parts):
+        chosen = _chosen(table, wrong_parts, passed)
+        chosen = {key: sentence for key, sentence in chosen.items() if not strongly or key not in lone}
+        for name, sentence in _by_vector(chosen, wrong_parts):
             (looks[name].strong if strongly else looks[name].weak).append(sentence)
     shared = Counter(sentence for sentences in forms.values() for sentence in sentences)
     for name, sentences in forms.items():
@@ -79,6 +85,14 @@ def generic_looks(failures: Sequence[Failure], passed: Sequence[Vector]) -> dict
         look = looks[failure.vector.id]
         look.whole = look.whole or any("the vector before" in sentence for sentence in look.strong)
     return looks
+
+
+def _lone_numbers(failure: Failure) -> list[str]:
+    """Outputs of one integer beside other wrong outputs: such a number says too little for an account of all."""
+    vector, outputs, _ = failure
+    if len(wrong_outputs(vector, outputs)) < FEWEST:
+        return []
+    return [part.name for part in parts(failure) if part.right.size == 1 and part.given.dtype.kind in "iu"]
 
 
 def _solvable(failure: Failure) -> bool:

@@ -6,9 +6,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, wrong_outputs
+from gsvc_conformance.diagnosis.coded import SYMBOLS
+from gsvc_conformance.diagnosis.failures import EXPLAINED, Failure, Mask, Part, parts, wrong_outputs
 from gsvc_conformance.diagnosis.regions import Candidate, content
-from gsvc_conformance.operation import Values
+from gsvc_conformance.names import columns
 from gsvc_conformance.vector import Vector
 
 Conditions = Iterator[tuple[str, Any]]
@@ -24,6 +25,15 @@ MIN_OF_TWO: Final = 4
 
 NEARLY_ALL: Final = 0.9
 """Where more of the vectors that expect anything fail, what they have in common says nothing."""
+
+SHARED: Final = 0.4
+"""Minimum fraction of the failures in which a column is wrong before it is named."""
+
+RAW: Final = ": raw bits, early or late, or what is made of them"
+"""What is left to be wrong where the symbols of a stream are right."""
+
+CODED: Final = frozenset({"bodies"})
+"""Outputs whose columns set streams apart."""
 
 OTHER_THAN: Final = " other than "
 """Words of a condition that says too little to be one of two."""
@@ -66,6 +76,7 @@ def _spread(met: Any, shape: tuple[int, ...]) -> Mask | None:
 
 def _conditions(operation: str, output: str, inputs: Mapping[str, Any], part: Part) -> Conditions:
     yield from OF_OPERATIONS.get(operation, _nothing)(inputs)
+    yield from _of_numbers(inputs, part)
     right = part.right
     if right.min() < 0:
         yield "where the right number is negative", right < 0
@@ -78,6 +89,16 @@ def _conditions(operation: str, output: str, inputs: Mapping[str, Any], part: Pa
         yield "where the right number is the largest", right == right.max()
         yield "where the right number is 0", right == 0
         yield "where the right number is 256 or more", right >= 256
+
+
+def _of_numbers(inputs: Mapping[str, Any], part: Part) -> Conditions:
+    """The numbers that a list of integers, one of each item of the output, has at all wrong items."""
+    wrong = part.wrong.reshape(len(part.wrong), -1).any(axis=1)
+    for name, value in inputs.items():
+        if isinstance(value, np.ndarray) and value.dtype.kind in "iu" and value.shape == wrong.shape:
+            least, most = value[wrong].min(), value[wrong].max()
+            numbers = f"{least}" if least == most else f"{least} to {most}"
+            yield f"where {name} is {numbers}", (value >= least) & (value <= most)
 
 
 def _nothing(inputs: Mapping[str, Any]) -> Conditions:
@@ -160,13 +181,38 @@ OF_OPERATIONS: Final[Mapping[str, Callable[[Mapping[str, Any]], Conditions]]] = 
 }  # fmt: skip
 
 
-def output_sentence(vector: Vector, outputs: Values) -> str:
-    """Which outputs of several are wrong; '' if all or the operation has one."""
-    wrong = [name for name in wrong_outputs(vector, outputs) if name != "error"]
-    right = [name for name in vector.expected if name not in wrong and name != "error"]
-    if not wrong or not right:
-        return ""
-    return f"errors in {', '.join(wrong)} alone; {', '.join(right)} {'are' if len(right) > 1 else 'is'} right"
+def output_sentences(failures: Sequence[Failure]) -> dict[str, str]:
+    """Which outputs are wrong, and which of their columns in most failures, by id; '' where all are, or one is all."""
+    masks = {failure.vector.id: dict(_wrong_columns(failure)) for failure in failures}
+    count = Counter(pair for own in masks.values() for table in own.items() for pair in _places(*table))
+    total = Counter(name for own in masks.values() for name in own)
+    said = {}
+    for failure in failures:
+        vector, outputs, _ = failure
+        wrong = [name for name in wrong_outputs(vector, outputs) if name != "error"]
+        right = [name for name in vector.expected if name not in wrong and name != "error"]
+        told = []
+        for name in wrong:
+            names = columns(vector.operation, name)
+            most = [column for place, column in enumerate(names) if count[name, place] >= SHARED * max(1, total[name])]
+            told.append(f"{name} ({', '.join(most)})" if 0 < len(most) < len(names) else name)
+        are = "are" if len(right) > 1 else "is"
+        raw = RAW if SYMBOLS in right else ""
+        said[vector.id] = (
+            f"errors in {', '.join(told)} alone{raw}; {', '.join(right)} {are} right" if told and right else ""
+        )
+    return said
+
+
+def _wrong_columns(failure: Failure) -> Iterator[tuple[str, Mask]]:
+    """The columns of each table that have something wrong."""
+    for part in parts(failure):
+        if part.right.ndim == 2:
+            yield part.name, np.asarray(part.wrong.any(axis=0))
+
+
+def _places(name: str, mask: Mask) -> list[tuple[str, int]]:
+    return [(name, int(place)) for place in np.flatnonzero(mask)]
 
 
 def common_condition(failed: Sequence[Vector], passed: Sequence[Vector]) -> str:
@@ -248,5 +294,12 @@ def _features(vector: Vector) -> dict[str, Any]:
                 found[f"the evenness (0) or oddness (1) of the sides of {name}"] = (value.shape[0] | value.shape[1]) & 1
     if "data" in vector.inputs and len(vector.inputs["data"]):
         found["plane_mode"] = int(vector.inputs["data"][0]) >> 6
+    for name in CODED & vector.expected.keys():
+        table = np.asarray(vector.expected[name].value)
+        for place, column in enumerate(columns(vector.operation, name)[1:], 1):
+            if len(table):
+                found[f"the largest {column}"], found[f"the smallest {column}"] = (
+                    int(extreme) for extreme in (table[:, place].max(), table[:, place].min())
+                )
     found |= {f"whose stream has {element}": True for element in vector.manifest.get("elements", ())}
     return found

@@ -1,15 +1,17 @@
 """Outputs that end too early or too late, compared as far as both go: the place where a decoder left the stream."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
 
 from gsvc_base import spec
+from gsvc_conformance.diagnosis.coded import OTHER_TABLE, RIGHT_TABLE, SYMBOLS, WRONG_TABLE, table_evidence
 from gsvc_conformance.diagnosis.failures import Array, Failure
 from gsvc_conformance.expectations import NO_ARRAYS
-from gsvc_conformance.names import columns, item
+from gsvc_conformance.names import SYMBOL, columns, item
 from gsvc_conformance.operation import Operation
 from gsvc_conformance.spec import header_rows
 
@@ -17,26 +19,87 @@ FIRST_WRONG: Final = "first wrong: "
 RIGHT_SO_FAR: Final = "right as far as it goes: "
 """Beginnings of the sentences."""
 
-CODED_FIRST: Final = "symbols"
+CODED_FIRST: Final = SYMBOLS
 """The output that is decoded before all others: the first wrong one of it says most."""
+
+NOTHING: Final = np.zeros((0, 4))
+
+FEWEST: Final = 2
+"""Minimum number of vectors before the lanes of their first wrong symbols are told of."""
+
+SHARED: Final = 0.4
+"""Minimum fraction of the failures with something wrong that share a sentence; else a more general one is said."""
 
 MODES: Final = 3
 OLD_PASSES: Final = ("V_x", "V_y", "modes", "first components", "second components", "third components")
 """Passes about the splats of the frame before, from 1 on (spec.md sections 15.10 and 15.11)."""
 NEW_PASSES: Final = ("k0", "chroma", "size, aspect and shear")
 """Passes about new splats, behind those of the halvings (spec.md section 15.9)."""
+HALVINGS: Final = "halvings"
+CONTEXT: Final = "context", "the model, the contexts, and what was adapted in frames before"
+TABLES: Final = {
+    HALVINGS: ("part", "the splats of the part (with raw low bits), its cells inside of the frame, and alpha"),
+    "k0": ("plane", "the density alone"),
+    "chroma": ("class of k0", "the densities and the class of k0"),
+    "size, aspect and shear": ("class", "the densities and the class, so the colours with their raw low bits, and D"),
+    **dict.fromkeys(OLD_PASSES, CONTEXT),
+    "V_y": ("context", "the model and the class of V_x"),
+    "modes": ("context", "the model, the past of the splat, its place after its motion, and the field around it"),
+    "first components": ("context", "the model and the modes"),
+}
+"""What the tables of a pass are of, and what they depend on."""
 
 
-def prefix_sentences(failure: Failure) -> list[str]:
-    """What is wrong first, in general and of this vector, or how far all is right; none if lengths are right."""
+def prefix_sentences(failures: Sequence[Failure]) -> dict[str, list[str]]:
+    """What is wrong first, in general and of each vector, or how far all is right, by id; none where lengths are right.
+
+    In general so much is said as many failures share.
+    """
+    found = {failure.vector.id: _sentences(failure) for failure in failures}
+    firsts = [general for general, _ in found.values() if general]
+    shared = Counter(words for general in firsts for words in general)
+    lanes = _lanes(failures)
+    said = {}
+    for name, (general, precise) in found.items():
+        common = [words for words in general if shared[words] >= SHARED * len(firsts)] or general[-1:]
+        said[name] = [*(f"{words}{lanes}" for words in common[:1]), *precise]
+    return said
+
+
+def _lanes(failures: Sequence[Failure]) -> str:
+    """Words about the lanes of all first symbols that are wrong or missing, if none is in the first group."""
+    rows = [row for failure in failures if (row := _first_symbol(failure)) is not None]
+    group = spec.GROUP_LANES
+    if len(rows) < FEWEST or min(row[3] for row in rows) < group:
+        return ""
+    return f", in lanes from {group} on: with the words of the first group all is right"
+
+
+def _first_symbol(failure: Failure) -> Array | None:
+    """The row of the first symbol that is wrong or missing, as it must be."""
+    right, mine = dict(_pairs(failure)).get(CODED_FIRST, (NOTHING, NOTHING))
+    place = _first_wrong(right, mine) or (len(mine),)
+    return right[place[0]] if place[0] < len(right) else None
+
+
+def _sentences(failure: Failure) -> tuple[list[str], list[str]]:
+    """The sentences about the first thing that is wrong, the most special one first, and that about its place."""
     pairs = dict(_pairs(failure))
     short = [name for name, (right, mine) in pairs.items() if len(right) != len(mine)]
     if not short:
-        return []
+        return [], []
     places = {name: place for name, (right, mine) in pairs.items() if (place := _first_wrong(right, mine)) is not None}
     if not places:
-        right, mine = pairs[short[0]]
-        return [f"{RIGHT_SO_FAR}{len(mine)} of {len(right)} items of {short[0]}"]
+        name = CODED_FIRST if CODED_FIRST in pairs else short[0]
+        right, mine = pairs[name]
+        so_far = f"{RIGHT_SO_FAR}{len(mine)} of {len(right)} items of {name}"
+        home = _Home(failure.vector.operation, {output: right for output, (right, _) in pairs.items()})
+        if name != CODED_FIRST or len(mine) > len(right):
+            return [], [so_far]
+        frames = len(pairs["frame_types"][1]) if "frame_types" in pairs else 0
+        ends = [f"{RIGHT_SO_FAR}{end}" for end in home.ends(len(mine), frames)]
+        more = f", up to {', '.join(home.words(name, (len(mine),)))}" if len(mine) < len(right) else ""
+        return ends, [f"{so_far}{more}"]
     name = CODED_FIRST if CODED_FIRST in places else next(iter(places))
     right, mine = pairs[name]
     home = _Home(failure.vector.operation, {output: right for output, (right, _) in pairs.items()})
@@ -44,11 +107,31 @@ def prefix_sentences(failure: Failure) -> list[str]:
     others = [output for output in pairs if output not in places]
     so_far = f"; {', '.join(others)} right as far as {'they go' if others[1:] else 'it goes'}" if others else ""
     given, expected = mine[places[name]], right[places[name]]
-    about = home.pass_of(places[name][0]) if name == CODED_FIRST else ""
-    return [
-        f"{FIRST_WRONG}{name}{f' of {about}' if about else ''}",
-        f"{FIRST_WRONG}{name} {places[name][0]} of {len(right)} ({where}): {given}, expected {expected}{so_far}",
-    ]
+    precise = f"{FIRST_WRONG}{name} {places[name][0]} of {len(right)} ({where}): {given}, expected {expected}{so_far}"
+    if name != CODED_FIRST:
+        return [f"{FIRST_WRONG}{name}, given as {given}", f"{FIRST_WRONG}{name}"], [precise]
+    return list(_of_symbol(failure, places[name], home)), [precise]
+
+
+def _of_symbol(failure: Failure, place: tuple[int, ...], home: "_Home") -> Iterator[str]:
+    """What is wrong with the first wrong symbol, the most special words first."""
+    row, column = place
+    about = home.pass_of(row)
+    symbols = f"{FIRST_WRONG}{CODED_FIRST}"
+    if column > 1:
+        what = SYMBOL[column]
+        yield f"{FIRST_WRONG}{what} of symbols{f' of {about}' if about else ''}"
+        yield f"{FIRST_WRONG}{what} of symbols"
+        return
+    c, f = (int(value) for value in failure.outputs[CODED_FIRST][row, :2])
+    evidence = table_evidence(failure.vector, row, c, f)
+    if about:
+        kind, depends = TABLES[about]
+        words = {OTHER_TABLE: f"{OTHER_TABLE} {kind}", WRONG_TABLE: f"{WRONG_TABLE}; it depends on {depends}"}
+        yield f"{symbols} of {about}, {words.get(evidence, evidence)}"
+    if evidence == RIGHT_TABLE:
+        yield f"{symbols}, {evidence}"
+    yield f"{symbols} of {about}" if about else symbols
 
 
 def _pairs(failure: Failure) -> Iterator[tuple[str, tuple[Array, Array]]]:
@@ -124,6 +207,19 @@ class _Home:
         if len(place) > 1:
             yield names[place[-1]] if place[-1] < len(names) else f"column {place[-1]}"
 
+    def ends(self, row: int, frames: int) -> Iterator[str]:
+        """Where a decoder ended whose symbols are all right up to a row, and which gave so many frames."""
+        homes = self.frames.get(CODED_FIRST, NOTHING)
+        if not 0 < row < len(homes) or homes[row] != homes[row - 1]:
+            if row and frames <= homes[row - 1]:
+                yield "a run is refused behind its last symbol (words, final states or raw bits)"
+            else:
+                yield "a frame is refused in front of its symbols"
+        else:
+            if about := self.pass_of(row):
+                yield f"a run ends inside of the symbols of {about}"
+            yield "a run ends inside of its symbols"
+
     def pass_of(self, row: int) -> str:
         """What the pass of a symbol is about; '' if that cannot be told."""
         home = self.frames.get(CODED_FIRST)
@@ -134,15 +230,18 @@ class _Home:
         is_old = self.old[frame] > 0 and turn <= len(OLD_PASSES)
         if is_old and (self.new[frame] == 0 or same.sum() < self._old_symbols(frame, turn)):
             return OLD_PASSES[turn - 1]
-        if is_old and turn > MODES:
-            return ""
         halvings = spec.halving_count(*self._size())
-        return "halvings" if turn <= halvings else NEW_PASSES[min(turn - halvings, len(NEW_PASSES)) - 1]
+        return HALVINGS if turn <= halvings else NEW_PASSES[min(turn - halvings, len(NEW_PASSES)) - 1]
 
     def _old_symbols(self, frame: int, turn: int) -> int:
-        """The number of symbols of a pass about the splats of the frame before; 0 where it is not known."""
+        """The number of symbols of a pass about the splats of the frame before."""
         if turn == MODES:
             return int(self.old[frame])
+        if turn > MODES:
+            modes = self.expected["modes"][self.frames["modes"] == frame]
+            stay, i = modes != spec.REMOVED, turn - MODES - 1
+            groups = [bit for bit, (_, first, end) in enumerate(spec.GROUPS) if first + i < end]
+            return sum(int(np.sum(stay & (modes >> bit & 1 == 1))) for bit in groups)
         cell = int(self.expected["bodies"][self.expected["bodies"][:, 0] == frame, 3][0])
         side = spec.SIDES[cell]
         return math.prod(-(-length // side) for length in self._size()) if side and turn < MODES else 0

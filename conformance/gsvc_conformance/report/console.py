@@ -198,7 +198,7 @@ def probable_causes(report: Report, looked: Mapping[str, int] | None = None) -> 
             causes.append(_cause(sentence, results, report, looked))
     if causes:
         return causes
-    told = [entry for entry in ranked if len(entry[1]) >= SOME and not is_place(entry[0])]
+    told = [entry for entry in ranked if len(entry[1]) >= SOME and not is_place(entry[0].removeprefix(MAYBE))]
     return [_cause(sentence, results, report, looked) for sentence, results in told[:1]]
 
 

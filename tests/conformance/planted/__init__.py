@@ -2,7 +2,7 @@
 
     python -m planted                      # all, from tests/conformance
     python -m planted --area gradients
-    python -m planted --jobs 2 --write     # and docs/what-the-report-names.md
+    python -m planted --jobs 2 --results FILE --write     # what FILE has of earlier runs, too, and the page of it
 
 A fault is the code of spec.md with patches, something done to its inputs or outputs, or code of its own (`peers`). `right`
 is what a right name must say, in the first probable cause of the report; `near` is what a place must say from which one
@@ -41,7 +41,7 @@ from gsvc_conformance.vector_folder import VectorFolder
 from gsvc_conformance.verdicts import Report
 
 Verdict = Literal["right", "place", "nothing", "wrong", "not caught"]
-Known = Literal["older", "newer", "reported", "third", "unchecked", "peers", "autograd"]
+Known = Literal["older", "newer", "reported", "third", "fresh", "raising", "unchecked", "peers", "autograd"]
 Part = Literal[
     "tuned",
     "held back",
@@ -49,6 +49,8 @@ Part = Literal[
     "new, held back",
     "reported",
     "third, held back",
+    "fresh",
+    "raising",
     "unchecked",
     "peers",
     "autograd",

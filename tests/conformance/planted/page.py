@@ -1,22 +1,25 @@
 """docs/what-the-report-names.md: the counts, and what the report says first of each fault of the last lists."""
 
+import json
 import re
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
-from planted import COLUMNS, COUNTS, Part, Said, rows
+from gsvc_conformance.causes import MEND
+from planted import COLUMNS, COUNTS, Part, Said, all_planted, rows
 
 PAGE: Final = Path(__file__).parents[3] / "docs" / "what-the-report-names.md"
 BEGIN: Final = "<!-- begin: python -m planted --write -->\n"
 END: Final = "<!-- end -->\n"
 MAIN: Final = ("reported", "third, held back")
 LISTED: Final[dict[str, tuple[Part, ...]]] = {
-    "Decoders of profile `main`": (*MAIN, "unchecked"),
+    "Decoders of profile `main`": (*MAIN, "fresh", "raising", "unchecked"),
     "Public implementations": ("peers",),
     "Gradients by autograd": ("autograd",),
 }
-LONGEST: Final = 150
+LONGEST: Final = 200
 """Characters of a cause in the table."""
 
 
@@ -42,8 +45,9 @@ def _list(found: list[Said]) -> list[str]:
 
 
 def first_of(one: Said) -> str:
-    """What a reader sees first."""
-    return COUNTS.sub("", one.lines[0]) if one.lines else one.begin
+    """What a reader sees first, and what is said of an operation that is to be mended."""
+    told = [COUNTS.sub("", line) for line in one.lines[:2]] or [one.begin]
+    return "; ".join(told if told[0].endswith(MEND) else told[:1])
 
 
 def _cell(text: str) -> str:
@@ -55,6 +59,23 @@ def short(one: Said) -> list[str]:
     """A fault on the console."""
     head = f"{one.verdict.upper()}: {one.mutant.area}, {one.mutant.name} (to be told: {one.mutant.right})"
     return [head, *(f"    {line}" for line in (*one.lines, one.begin))]
+
+
+def to_json(found: Iterable[Said]) -> str:
+    """What was found, for the next run."""
+    entries = ({**vars(one), "mutant": one.mutant.name} for one in found)
+    return json.dumps(list(entries), indent=1)
+
+
+def kept(path: Path) -> list[Said]:
+    """What earlier runs found of the faults that there are; none if there is no such file."""
+    entries = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+    by_name = {fault.name: replace(fault, functions=dict) for fault in all_planted()}
+    return [
+        Said(**{**entry, "mutant": by_name[entry["mutant"]], "lines": tuple(entry["lines"])})
+        for entry in entries
+        if entry["mutant"] in by_name
+    ]
 
 
 def _share(found: list[Said], part: str, *verdicts: str) -> float:
