@@ -55,8 +55,8 @@ def main(words: Sequence[str] | None = None) -> int:
         "--cpu", action="store_true", help="let processors play the GPU, on little: a test of this command"
     )
     arguments = parser.parse_args(words)
-    work = arguments.work
-    out = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
+    work: Path = arguments.work.resolve()  # parts run in a folder of their own
+    out: Path = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
     survey = surveyed(work / "loaders", cpu=arguments.cpu)
     planned = Plan(survey, work, arguments.cpu).parts() if survey.runs else []
     if arguments.only and planned:
@@ -70,7 +70,6 @@ def main(words: Sequence[str] | None = None) -> int:
     if not arguments.cpu:
         made(GOLDEN, TRAINED, [coded()], DRAWS)
     results = Results(survey, work, out)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     begin = time.monotonic()
     for outcome in results_of(planned, work, arguments.seconds, survey.width):
         results.add(outcome)
@@ -91,4 +90,5 @@ def found(survey: Survey, planned: Sequence[Part]) -> list[str]:
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     raise SystemExit(main())
