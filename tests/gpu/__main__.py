@@ -86,7 +86,8 @@ def found(survey: Survey, planned: Sequence[Part]) -> list[str]:
     lines += [f"{name} runs on {answer.get('device', '?')}" for name, answer in survey.answers.items()]
     lines += [f"{name} is left out: {reason}" for name, reason in survey.missing.items()]
     lines += [f"  {part.what} is skipped: {part.missing}" for part in planned if part.missing]
-    return [*lines, f"{plural(sum(not part.missing for part in planned), 'part')} to run", ""]
+    count = sum(not part.missing for part in planned)
+    return [*lines, f"{plural(count, 'part')} to run", ""] if planned else lines
 
 
 if __name__ == "__main__":

@@ -4,6 +4,7 @@
 set -euo pipefail
 tree=$(realpath "$(dirname "$0")/../..")
 PYTHON=${PYTHON:-python3}
+export PYTHONPATH="$tree:$tree/conformance:$tree/site${PYTHONPATH:+:$PYTHONPATH}"
 
 missing=()
 for wheel in "$tree"/wheels/*.whl; do
@@ -12,7 +13,6 @@ for wheel in "$tree"/wheels/*.whl; do
 done
 [ ${#missing[@]} = 0 ] ||
     "$PYTHON" -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-compile --target "$tree/site" "${missing[@]}"
-export PYTHONPATH="$tree:$tree/conformance:$tree/site${PYTHONPATH:+:$PYTHONPATH}"
 mkdir -p "$tree/missing"
 for library in "$tree"/lib/*; do
     [ ! -e "$library" ] || ldconfig -p | grep -q "${library##*/} " || ln -sf "$library" "$tree/missing/"
