@@ -69,14 +69,10 @@ OURS: Final = "gsvc_ref"
 
 CONTENDERS: Final[Sequence[tuple[str, Mapping[str, str]]]] = (
     (OURS, {}),
-    ("gsvc_conformance.adapters.opencl", {}),
-    ("gsvc_conformance.adapters.webgpu", {}),
     ("gsvc_conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgl2"}),
     ("gsvc_conformance.adapters.web", {"GSVC_WEB_RENDERER": "webgpu"}),
-    ("gsvc_conformance.adapters.pytorch", {}),
-    ("gsvc_conformance.adapters.gsplat_cuda", {}),
 )
-"""Modules, with environment variables to start them with."""
+"""Modules to measure on any machine, with environment variables to start them with; `make gpu` measures the others."""
 
 WARM_UP: Final = 2
 """Calls that are not counted: compilers, caches and clocks of a device."""
@@ -298,12 +294,11 @@ def main(words: Sequence[str] | None = None) -> None:
         prog="python -m gsvc_lab.benchmarks.adapters", description=(__doc__ or "").splitlines()[0]
     )
     parser.add_argument(
-        "modules", nargs="*", metavar="MODULE", help="as for `gsvc-conformance run`, or gsvc_ref; default: all"
+        "modules", nargs="*", metavar="MODULE", help="as for `gsvc-conformance run`; default: gsvc_ref and the web page"
     )
     parser.add_argument("--work", action="append", choices=tuple(WORKS), help="only this one; may be repeated")
     parser.add_argument("--seconds", type=float, default=5.0, metavar="S", help="for each work, about (5)")
     parser.add_argument("--json", type=Path, default=CACHE / "adapters.json", metavar="FILE", help="where numbers go")
-    parser.add_argument("--markdown", type=Path, metavar="FILE", help="where the table goes, which is printed anyway")
     parser.add_argument("--here", type=Path, help=argparse.SUPPRESS)  # measure one module in this process
     parser.add_argument("--setting", action="append", default=[], help=argparse.SUPPRESS)  # given by the process above
     arguments = parser.parse_args(words)
@@ -332,10 +327,7 @@ def main(words: Sequence[str] | None = None) -> None:
         machine = write(works, results, arguments.json)
     if not results:
         sys.exit("nothing was measured")
-    text = table(machine, works, results).markdown()
-    print(text)
-    if arguments.markdown is not None:
-        arguments.markdown.write_text(text + "\n", encoding="utf-8")
+    print(table(machine, works, results).markdown())
 
 
 def write(works: Mapping[str, Work], results: Sequence[Measured], json_file: Path) -> dict[str, Any]:

@@ -55,8 +55,8 @@ def main(words: Sequence[str] | None = None) -> int:
         "--cpu", action="store_true", help="let processors play the GPU, on little: a test of this command"
     )
     arguments = parser.parse_args(words)
-    work = arguments.work
-    out = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
+    work: Path = arguments.work.resolve()  # parts run in a folder of their own
+    out: Path = arguments.out or (work / "reports" if arguments.cpu or arguments.only else REPORTS)
     survey = surveyed(work / "loaders", cpu=arguments.cpu)
     planned = Plan(survey, work, arguments.cpu).parts() if survey.runs else []
     if arguments.only and planned:
@@ -70,7 +70,6 @@ def main(words: Sequence[str] | None = None) -> int:
     if not arguments.cpu:
         made(GOLDEN, TRAINED, [coded()], DRAWS)
     results = Results(survey, work, out)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     begin = time.monotonic()
     for outcome in results_of(planned, work, arguments.seconds, survey.width):
         results.add(outcome)
@@ -87,8 +86,10 @@ def found(survey: Survey, planned: Sequence[Part]) -> list[str]:
     lines += [f"{name} runs on {answer.get('device', '?')}" for name, answer in survey.answers.items()]
     lines += [f"{name} is left out: {reason}" for name, reason in survey.missing.items()]
     lines += [f"  {part.what} is skipped: {part.missing}" for part in planned if part.missing]
-    return [*lines, f"{plural(sum(not part.missing for part in planned), 'part')} to run", ""]
+    count = sum(not part.missing for part in planned)
+    return [*lines, f"{plural(count, 'part')} to run", ""] if planned else lines
 
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # so that the parts are ended, too
     raise SystemExit(main())

@@ -98,7 +98,11 @@ def speeds_told(path: Path, values: dict[str, Any]) -> Told:
     """How many works were measured."""
     measured = list(values.get("implementations", ()))
     count = sum(len(one["seconds"]) for one in measured)
-    missing = [f"{name}: {reason}" for one in measured for name, reason in one.get("missing", {}).items()]
+    missing = [
+        f"{one['implementation'].rpartition('.')[2]}, {work}: {reason}"
+        for one in measured
+        for work, reason in one.get("missing", {}).items()
+    ]
     state: State = "measured" if values.get("whole", True) and count else "failed"
     return state, "; ".join([plural(count, "work"), *missing[:2]])
 

@@ -2,20 +2,20 @@
 # On the machine that a bundle was unpacked on: `make gpu` without a network. Arguments are those of the command; the files
 # of its parts and their logs are in gsvc_lab/benchmarks/cache/gpu, unless --work says otherwise.
 set -euo pipefail
-cd "$(dirname "$0")/../.."
+tree=$(realpath "$(dirname "$0")/../..")
 PYTHON=${PYTHON:-python3}
+export PYTHONPATH="$tree:$tree/conformance:$tree/site${PYTHONPATH:+:$PYTHONPATH}"
 
 missing=()
-for wheel in wheels/*.whl; do
+for wheel in "$tree"/wheels/*.whl; do
     name=${wheel##*/}
     [ ! -e "$wheel" ] || "$PYTHON" -c "import importlib.metadata as m; m.version('${name%%-*}')" 2>/dev/null || missing+=("$wheel")
 done
 [ ${#missing[@]} = 0 ] ||
-    "$PYTHON" -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-compile --target site "${missing[@]}"
-export PYTHONPATH="$PWD:$PWD/conformance:$PWD/site${PYTHONPATH:+:$PYTHONPATH}"
-mkdir -p missing
-for library in lib/*; do
-    [ ! -e "$library" ] || ldconfig -p | grep -q "${library##*/} " || ln -sf "$PWD/$library" missing/
+    "$PYTHON" -m pip install --quiet --disable-pip-version-check --no-index --no-deps --no-compile --target "$tree/site" "${missing[@]}"
+mkdir -p "$tree/missing"
+for library in "$tree"/lib/*; do
+    [ ! -e "$library" ] || ldconfig -p | grep -q "${library##*/} " || ln -sf "$library" "$tree/missing/"
 done
-export LD_LIBRARY_PATH="$PWD/missing${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
+export LD_LIBRARY_PATH="$tree/missing${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}"
 exec "$PYTHON" -m tests.gpu "$@"

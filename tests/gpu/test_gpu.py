@@ -15,6 +15,7 @@ import pytest
 
 from gsvc_base.pages.markers import replaced
 from gsvc_conformance.adapters.cuda.device import Launch
+from gsvc_conformance.adapters.cuda.sources import KERNELS
 from tests.gpu import golden, page, results, sanitized, sums, survey
 from tests.gpu.__main__ import main
 from tests.gpu.advice import advice
@@ -202,6 +203,23 @@ def test_nvidias_driver_is_registered_for_opencl_in_a_folder_of_its_own(tmp_path
 )
 def test_reports_of_the_sanitizer_are_counted(line, count):
     assert sanitized.SUMMARY.findall(f"before\n{line}\n") == [count]
+
+
+@pytest.mark.skipif(not shutil.which("g++"), reason="a C++ compiler shows what is compiled")
+def test_a_planted_race_takes_a_barrier_away():
+    words = ["g++", "-x", "c++", "-std=c++17", "-E", "-P", "-I", KERNELS, "-"]
+    code = "from gsvc_conformance.adapters.cuda.sources import PLANTED; print(*PLANTED)"
+    environment = {**os.environ, "GSVC_CUDA_PLANTED_RACE": "1"}
+    option = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    ).stdout
+
+    def barriers(*options):
+        return subprocess.run(
+            [*words, *options], input='#include "rendering.cu"', capture_output=True, text=True, check=True
+        ).stdout.count("__syncthreads();")
+
+    assert barriers(*option.split()) == barriers() - 1 > 0
 
 
 @pytest.mark.parametrize("case", sanitized.CASES)
