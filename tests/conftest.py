@@ -45,7 +45,7 @@ def pytest_ignore_collect(collection_path, config):
 
 def depends_on_versions(path):
     room = TESTS.parent / "gsvc_ref" / path.parent.relative_to(TESTS)
-    sources = [source.read_text("utf-8") for source in room.glob("*.py")] if path.parent != TESTS else []
+    sources = [source.read_text("utf-8") for source in room.rglob("*.py")] if path.parent != TESTS else []
     if 10 * sum("gsvc_ref._jit" in source for source in sources) > len(sources):
         return True
     return not packages().isdisjoint(IMPORT.findall(path.read_text("utf-8")))
