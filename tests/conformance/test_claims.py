@@ -15,13 +15,15 @@ from gsvc_conformance.cases.faults import overview
 from gsvc_conformance.claim import Claim, read_claim
 from gsvc_conformance.level import LEVELS, level_of
 from gsvc_conformance.operation import operations
+from gsvc_conformance.profiles import ANY, PROFILES
 from gsvc_conformance.report.console import describe, last_line
 from gsvc_conformance.report.json import from_object, to_object
 from gsvc_conformance.report.junit import junit_xml
 from gsvc_conformance.report.page import report_html
 from gsvc_conformance.results import OutputResult, Result
 from gsvc_conformance.spec import namespace
-from gsvc_conformance.vector import sums_of
+from gsvc_conformance.vector import VECTORS, sums_of
+from gsvc_conformance.vector_folder import Selection, VectorFolder
 from gsvc_conformance.verdicts import Report
 
 ENVIRONMENT = {"implementation": "./toy", "vectors": "18fb5299" + "0" * 56, "vector set": "1"}
@@ -163,6 +165,22 @@ def test_a_vector_of_the_claim_that_does_not_pass_breaks_it(outcome, tier):
 @pytest.mark.parametrize("outcome", ["fail", "error", "crash", "timeout"])
 def test_a_wrong_answer_above_the_claim_breaks_it(outcome):
     assert report_of(result(1), result(3, outcome), claim=claim(2)).exit_code == 1
+
+
+@pytest.mark.parametrize("claimed", PROFILES)
+def test_a_claim_asks_one_stream_of_another_profile_for_each_operation_that_has_one(claimed):
+    vectors = VectorFolder(VECTORS)
+    selection = Selection(groups=("bitstream", "seeking", "rendering", "layers"), profile=claimed)
+    chosen = [vectors.manifest(name) for name in vectors.select(selection)]
+    foreign = [manifest["operation"] for manifest in chosen if manifest["profile"] not in (claimed, ANY)]
+    assert sorted(foreign) == ["decode_stream", "reconstruct_layers", "reconstruct_stream", "seek"]
+
+
+@pytest.mark.parametrize(("outcome", "verdict"), [("pass", "passed"), ("unsupported", "passed"), ("fail", "failed")])
+def test_a_stream_of_another_profile_must_be_right_or_refused(outcome, verdict):
+    other = replace(result(1, outcome, slug="other"), profile="main")
+    (group,) = report_of(replace(result(1), profile="paper"), other, claim=claim(1)).groups()
+    assert group.verdict == verdict
 
 
 def test_waivers_are_counted_in_what_is_quoted():

@@ -192,6 +192,9 @@ def test_every_error_of_one_kind():
     assert {tuple(sentences) for sentences in told.values()} == {
         ("every error reported as of the kind invalid, whatever it is",)
     }
+    unseen = [(vector, given | {"error": ""}) for vector, given in wrong[:1]]
+    told = diagnose([*unseen, *wrong[1:]], [vector for vector, _ in right])
+    assert not any("every error" in sentence for sentences in told.values() for sentence in sentences)
 
 
 def test_no_two_mutants_are_the_same():

@@ -182,7 +182,9 @@ def test_a_program_that_is_not_there_or_cannot_be_started(toys, tmp_path):
     wrong = {
         "": "--impl needs a command",
         "  ": "--impl needs a command",
-        "/no/such/program": "there is no program '/no/such/program'",
+        "/no/such/program": "there is no program '/no/such/program'; build it first",
+        "./no-such-program": r"there is no program '\./no-such-program'; build it first",
+        "no-such-program": r"there is no program 'no-such-program'; give its path, such as \./decoder",
         "'unfinished": "cannot be split into words",
         str(tmp_path): "is a folder",
         f"{script} --fast": rf"{script} cannot be executed: chmod \+x",

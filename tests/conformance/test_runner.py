@@ -214,6 +214,13 @@ def test_a_stream_of_another_profile_is_refused_where_that_element_stands(case, 
     assert judge_outputs(vector, {**nothing, "error": f"unsupported R-5-6 {bit}"}).outcome == outcome
 
 
+def test_a_faulty_stream_of_another_profile_that_is_refused_for_it_is_no_answer():
+    vector = next(VectorFolder(VECTORS).read(["faulty/reconstruct_stream/r_3_2_1_flags_4"]))
+    nothing = {"counts": np.zeros(0, np.int64), "parameters": np.zeros((0, 8), np.float32)}
+    given = {"unsupported R-5-6 96": "unsupported", "unsupported R-3.2-1 96": "pass", "unsupported": "pass"}
+    assert {error: judge_outputs(vector, {**nothing, "error": error}).outcome for error in given} == given
+
+
 def test_a_right_answer_above_the_level_is_a_pass(folder):
     vector = next(VectorFolder(folder).read(["faulty/parse/bad_letter"]))
     vector = replace(vector, manifest={**vector.manifest, "level": 3})

@@ -266,7 +266,7 @@ def point_faults(of: Frames) -> Iterator[Broken]:
 def _sums(of: Frames, rule: str, **header: Any) -> Iterator[Broken]:
     most = "level 1 allows 64 times those of a frame"
     many = group(of.empty, 66)
-    paced = partial(of.paced, **header)
+    paced: Callable[..., bytes] = partial(of.paced, **header)
     yield Broken(rule, "limit", "pixels", "65 frames of 512x256 pixels stand in a second", most,
                  partial(paced, many, **LARGEST, frame_rate_numerator=65), 64)  # fmt: skip
     yield Broken(rule, "limit", "pixels_at_a_broken_rate", "at 64.5 frames per second, 65 stand in a second", most,
@@ -283,7 +283,7 @@ def _sums(of: Frames, rule: str, **header: Any) -> Iterator[Broken]:
 
 def _sums_of_level_5(of: Frames) -> Iterator[Broken]:
     """Those that 32 bits do not hold."""
-    size = {"width": 8192, "height": 8192}
+    size: dict[str, Any] = {"width": 8192, "height": 8192}
     yield Broken("R-5-7", "limit", "pixels_beyond_32_bits", "65 frames of 8192x8192 pixels stand in a second",
                  "level 5 allows 64 times those of a frame",
                  lambda: of.paced(group(of.empty, 65), **size, level=5, frame_rate_numerator=65), 64)  # fmt: skip

@@ -34,17 +34,21 @@ def refusal_sentence(failure: Failure) -> str:
 
 
 def kind_sentence(failures: Sequence[Failure], passed: Iterable[Vector]) -> str:
-    """The kind that every error is reported as, whatever it is, in words; '' if there is none, or too few errors."""
-    pairs = [(expectation.value.split()[0], given.split()[0])
+    """The kind that every error is reported as, whatever it is, in words.
+
+    It is '' if there is none, there are too few errors, or some are not reported at all.
+    """
+    pairs = [(expectation.value.split()[0], given.partition(" ")[0])
              for vector, outputs, _ in failures for name, expectation in vector.expected.items()
              if isinstance(expectation, Refusal) and expectation.value
-             and isinstance(given := outputs.get(name), str) and given]  # fmt: skip
+             and isinstance(given := outputs.get(name), str)]  # fmt: skip
     reported = {kind for _, kind in pairs}
     others = {expectation.value.split()[0] for vector in passed for expectation in vector.expected.values()
               if isinstance(expectation, Refusal) and expectation.value}  # fmt: skip
     if (
         any(map(is_desync, failures))
         or len(reported) != 1
+        or "" in reported
         or len({right for right, _ in pairs}) < MIN_KINDS
         or not others <= reported
     ):
