@@ -9,7 +9,7 @@ from typing import Any, Final
 from gsvc_base.cli.text import plural
 from gsvc_base.errors import UsageError
 from gsvc_conformance.report.json import read
-from gsvc_conformance.results import Report
+from gsvc_conformance.verdicts import Report
 from tests.gpu.outcome import State
 from tests.gpu.sanitized import CASES
 from tests.gpu.survey import PATIENCE, Adapter, Survey, tool
