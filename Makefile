@@ -69,6 +69,7 @@ adapters: .venv/.ready-test,adapters,peers            ## judge and measure the a
 	-$(BIN)/gsvc-conformance run --reference $(call report,gsvc_ref)
 	-$(BIN)/gsvc-conformance run --serve "$(BIN)/python -m gsvc_conformance.adapters.c --serve" $(call report,c)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.opencl $(call report,opencl)
+	-GSVC_CUDA=fibers $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.cuda $(call report,cuda-fibers)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.pytorch $(call report,pytorch)
 	-$(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.webgpu $(call report,webgpu)
 	-GSVC_WEB_RENDERER=webgl2 $(BIN)/gsvc-conformance run --module gsvc_conformance.adapters.web $(call report,web-webgl2)
