@@ -15,7 +15,7 @@ KNOWN: Final = (
     ),
     (
         r"driver version is insufficient|InsufficientDriver|UNSUPPORTED_PTX|unsupported toolchain|too old for this",
-        "the NVIDIA driver is too old for this CUDA: install a newer driver (580 or later for CUDA 13)",
+        "the NVIDIA driver is missing, or too old for this CUDA: install a newer driver (580 or later for CUDA 13)",
     ),
     (
         r"no CUDA-capable device|NO_DEVICE|no NVIDIA GPU|cannot calculate in binary64 on cuda|Found no NVIDIA driver",

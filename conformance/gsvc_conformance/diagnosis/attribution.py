@@ -220,7 +220,7 @@ def _left_of_part(part: Part, theirs: Values) -> float:
     if not isinstance(other, np.ndarray) or other.shape != part.right.shape:
         return MOST_LEFT
     other = other.astype(np.float64)
-    if part.near(other).all():
+    if part.near(other).all() and _is_closer(part, other):
         return 0.0
     if _spoils(part, other):
         return MOST_LEFT
@@ -231,6 +231,12 @@ def _left_of_part(part: Part, theirs: Values) -> float:
         return 1.0
     left = min(after / before, MOST_LEFT) if np.isfinite(after) else MOST_LEFT
     return left if left > NOISE else 0.0
+
+
+def _is_closer(part: Part, theirs: F8) -> bool:
+    """Whether most wrong numbers are closer to those of a mutant than to the right ones."""
+    closer = abs(part.mine - theirs) < abs(part.mine - part.right)
+    return 2 * np.count_nonzero(closer & part.wrong) >= np.count_nonzero(part.wrong)
 
 
 def _spoils(part: Part, theirs: F8) -> bool:

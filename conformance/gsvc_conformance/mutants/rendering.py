@@ -91,6 +91,18 @@ BOUNDED: tuple[Mutant, ...] = (
          "        top, bottom = max(top - 2, 0), min(bottom + 2, height)\n        x, y, l11, l21, l22 = splat[:5]\n"
          "        a, b, c = l11 * l11 + 0.3, l11 * l21, l21 * l21 + l22 * l22 + 0.3\n"
          "        l11, l21, l22 = np.sqrt(a), b / np.sqrt(a), np.sqrt(c - b * b / a)\n")),
+    mutant(AREA, "half-on-the-diagonal", "0.5 added to l11 and l22, as to the factor that GaussianImage stores",
+        ("        if left == right or top == bottom:\n            continue\n        x, y, l11, l21, l22 = splat[:5]\n",
+         "        if left == right or top == bottom:\n            continue\n        left, right = max(left - 2, 0), min(right + 2, width)\n"
+         "        top, bottom = max(top - 2, 0), min(bottom + 2, height)\n        x, y, l11, l21, l22 = splat[:5]\n"
+         "        l11, l22 = l11 + 0.5, l22 + 0.5\n")),
+    mutant(AREA, "conic-in-binary16", "the inverse covariance in binary16",
+        ("        sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)\n",
+         "        with np.errstate(over='ignore'):\n"
+         "            a, b, c = 1 / (l11 * l11) + (l21 / (l11 * l22)) ** 2, -l21 / l11 / (l22 * l22), 1 / (l22 * l22)\n"
+         "            a, b, c = (float(np.float16(value)) for value in (a, b, c))\n"
+         "        sigma = (a * d_x * d_x + c * d_y * d_y) / 2 + b * d_x * d_y\n"
+         "        sigma = np.where(sigma >= 0, sigma, np.inf)\n")),
     mutant(AREA, "sigma-not-halved", "exp(-u.u) in place of exp(-u.u/2)",
         ("sigma = (u1 * u1 + u2 * u2) / 2  # (9-1)", "sigma = u1 * u1 + u2 * u2")),
     mutant(AREA, "l21-sign", "l21 with the wrong sign", ("u2 = (d_y - l21 * u1) / l22\n        sigma", "u2 = (d_y + l21 * u1) / l22\n        sigma")),
