@@ -236,7 +236,7 @@ def _left_of_part(part: Part, theirs: Values) -> float:
 def _is_closer(part: Part, theirs: F8) -> bool:
     """Whether most wrong numbers are closer to those of a mutant than to the right ones."""
     closer = abs(part.mine - theirs) < abs(part.mine - part.right)
-    return 2 * np.count_nonzero(closer & part.wrong) >= np.count_nonzero(part.wrong)
+    return bool(2 * np.count_nonzero(closer & part.wrong) >= np.count_nonzero(part.wrong))
 
 
 def _spoils(part: Part, theirs: F8) -> bool:
