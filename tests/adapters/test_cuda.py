@@ -176,6 +176,7 @@ def test_the_order_of_threads_changes_nothing(monkeypatch, wide_scene):
         yield cuda.prune(np.repeat(residual[0, :, 0], 2), 100)
         yield cuda.rvq_update(vectors, indices, [5, 4], books, *state)
         yield cuda.lsq_gradients(vectors, np.full(3, 0.1), np.full(3, -1), 4, vectors)
+        yield cuda.encode_plane(indices[:, 0], [500, 1000, 1500, 1000, 96], 12, 64)
 
     ascending = list(results())
     monkeypatch.setattr(fibers, "OPTIONS", (*fibers.OPTIONS, "-DDESCENDING"))

@@ -31,7 +31,7 @@ exponential of the hardware. There are no atomic additions of float, which flush
 runs could change: gradients have the same bytes in every run.
 
 Not here are the decisions of training that a host makes from a few numbers (`learning_rates`, `converged`,
-`pruning_plan`, `select_key_frames`), `encode_plane`, colour conversion and metrics.
+`pruning_plan`, `select_key_frames`), colour conversion and metrics.
 
 Nothing of this package was measured on a GPU yet. What is known of NVIDIA's compiler is what it writes: for sm_90, no
 kernel spills registers in a loop over splats.
@@ -48,6 +48,7 @@ from gsvc_conformance.adapters.cuda.quantization import (
     rvq_update,
 )
 from gsvc_conformance.adapters.cuda.reconstruction import (
+    encode_plane,
     from_half,
     parameter_checksum,
     reconstruct_inter,
@@ -89,6 +90,7 @@ __all__ = [
     "decode_stream",
     "decode_stream_deterministic",
     "density_frequencies",
+    "encode_plane",
     "encode_run",
     "environment",
     "field_vectors",

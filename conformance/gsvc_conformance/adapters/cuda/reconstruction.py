@@ -36,6 +36,19 @@ def decode_lanes(
     return download(symbols, (count,), "u2"), final, int(download(taken, (), "u4"))
 
 
+def encode_plane(symbols: Array, frequencies: Array, entropy_precision: int, lane_count: int) -> Values:
+    """The states u4 (lanes,) and words u2 (n,) with which a decoder finds symbols u2 (count,) again: (7-2)."""
+    count, lanes = len(symbols), min(lane_count, len(symbols))
+    states, emitted, emitted_count = storage(4 * lanes), storage(2 * count), storage(4)
+    launch(
+        "encode_lanes", 1, 32, np.uint32(count), upload(symbols, "u2"), upload(frequencies, "u4"),
+        np.uint32(len(frequencies)), np.uint32(entropy_precision), np.uint32(lanes),
+        storage(4 * (len(frequencies) + 1)), states, emitted, emitted_count, exact=True,
+    )  # fmt: skip
+    words = download(emitted, (int(download(emitted_count, (), "u4")),), "u2")[::-1]
+    return {"lane_states": download(states, (lanes,), "u4"), "words": words}
+
+
 def from_half(bits: Array) -> Values:
     """The values of binary16 patterns, (N,) f4: (8-5)."""
     values = storage(4 * len(bits))

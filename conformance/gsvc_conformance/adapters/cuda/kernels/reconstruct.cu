@@ -13,12 +13,13 @@
 #define MOST_LANES 64
 
 /* ---- Planes. One warp, which has two lanes a thread. `cumulative` has room for a number more than there are frequencies. */
-extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequencies, unsigned alphabet, unsigned precision,
-                                        unsigned lane_count, unsigned *states, const unsigned short *words,
-                                        unsigned word_count, unsigned *cumulative, unsigned short *symbols, unsigned *taken)
+
+/* c(s) of every symbol, and 2^R after the last one. */
+static __device__ __forceinline__ void add_up(const unsigned *frequencies, unsigned alphabet, unsigned precision,
+                                              unsigned *cumulative)
 {
     Share own = share_of(alphabet);
-    unsigned sum = 0, word = 0, x[2] = {};
+    unsigned sum = 0;
     for (unsigned s = own.first; s < own.end; s++)
         sum += frequencies[s];
     unsigned before = sum_before(sum).x;
@@ -29,6 +30,14 @@ extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequenc
     if (threadIdx.x == 0)
         cumulative[alphabet] = 1u << precision;
     __syncwarp();
+}
+
+extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequencies, unsigned alphabet, unsigned precision,
+                                        unsigned lane_count, unsigned *states, const unsigned short *words,
+                                        unsigned word_count, unsigned *cumulative, unsigned short *symbols, unsigned *taken)
+{
+    unsigned word = 0, x[2] = {};
+    add_up(frequencies, alphabet, precision, cumulative);
     for (unsigned k = 0; k < 2; k++)
         x[k] = threadIdx.x + 32 * k < lane_count ? states[threadIdx.x + 32 * k] : 0;
     for (unsigned first = 0; first < count; first += lane_count)
@@ -53,6 +62,38 @@ extern "C" __global__ void decode_lanes(unsigned count, const unsigned *frequenc
             states[threadIdx.x + 32 * k] = x[k];
     if (threadIdx.x == 0)
         *taken = word;
+}
+
+/* The words come in the order of encoding, which is the reverse of theirs; each symbol has an f(s) above 0. */
+extern "C" __global__ void encode_lanes(unsigned count, const unsigned short *symbols, const unsigned *frequencies,
+                                        unsigned alphabet, unsigned precision, unsigned lane_count, unsigned *cumulative,
+                                        unsigned *states, unsigned short *emitted, unsigned *emitted_count)
+{
+    unsigned word = 0, x[2] = {LOWEST_STATE, LOWEST_STATE};
+    add_up(frequencies, alphabet, precision, cumulative);
+    for (unsigned round = (count + lane_count - 1) / lane_count; round-- > 0;)
+        for (int k = 1; k >= 0; k--) {
+            unsigned lane = threadIdx.x + 32 * k, i = round * lane_count + lane, symbol = 0, frequency = 1;
+            bool encodes = lane < lane_count && i < count;
+            if (encodes) {
+                symbol = symbols[i];
+                frequency = frequencies[symbol];
+            }
+            bool full = encodes && x[k] >> (32 - precision) >= frequency;       /* x >= f 2^(32 - R); once is enough */
+            unsigned filled = __ballot_sync(EVERY_LANE, full);
+            if (full) {
+                emitted[word + __popc(filled >> threadIdx.x >> 1)] = (unsigned short)x[k];      /* higher lanes first */
+                x[k] >>= 16;
+            }
+            if (encodes)
+                x[k] = (x[k] / frequency << precision) + x[k] % frequency + cumulative[symbol];             /* (7-2) */
+            word += __popc(filled);
+        }
+    for (unsigned k = 0; k < 2; k++)
+        if (threadIdx.x + 32 * k < lane_count)
+            states[threadIdx.x + 32 * k] = x[k];
+    if (threadIdx.x == 0)
+        *emitted_count = word;
 }
 
 /* ---- binary16 */
