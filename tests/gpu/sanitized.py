@@ -23,6 +23,7 @@ CASES: Final = (
     "core/render_gradients/gradients_of_a_plain_picture_300_splats",
     "core/loss/loss_of_a_wide_picture",
     "core/decode_plane/lanes_64_for_150_symbols",
+    "core/encode_plane/encoded_lanes_64_for_2000_symbols",
     "core/read_main_stream/main_64_lanes_of_one_splat",
     "core/decode_stream_deterministic/main_more_than_1024_splats_on_a_tile",
 )
