@@ -97,8 +97,10 @@ types:
           : chunk_type == type_of_chunk::layer and is_of_a_main_frame ? type_of_payload::layer
           : type_of_payload::unknown
       is_of_a_main_frame:
-        value: '_root.header.profile == 1 and _root.chunk[place - 1].last_frame.as<s4> > 0'
-        doc: Whether a chunk belongs to a frame of profile main; only chunks behind the header ask for it.
+        value: >-
+          _root.header.profile == 1 and _root.header.main_header.layer_count > 1
+          and _root.chunk[place - 1].last_frame.as<s4> > 0
+        doc: Whether a chunk belongs to a frame of profile main with layers; only chunks after the header ask for it.
       last_frame:
         value: 'is_frame or place == 0 ? place : _root.chunk[place - 1].last_frame.as<s4>'
         doc: The place of the last chunk of a frame, this one included.
