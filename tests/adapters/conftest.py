@@ -15,6 +15,20 @@ from gsvc_conformance.vector_folder import VectorFolder
 ADAPTERS = Path(__file__).parents[2] / "conformance" / "gsvc_conformance" / "adapters"
 
 
+@pytest.fixture(scope="module")
+def on_fibers():
+    """The kernels of the CUDA adapter, compiled by the C++ compiler; tests/gpu runs them on a GPU."""
+    from gsvc_conformance.adapters.cuda import device
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("GSVC_CUDA", "fibers")
+        device.machine.cache_clear()
+        if not device.available():
+            pytest.skip("there is no C++ compiler")
+        yield
+    device.machine.cache_clear()
+
+
 @pytest.fixture(scope="session")
 def vector_folder():
     return VectorFolder(VECTORS)

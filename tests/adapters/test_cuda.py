@@ -23,16 +23,7 @@ NVCC = shutil.which("nvcc") or shutil.which("/usr/local/cuda/bin/nvcc")
 BUILDS = list(product(sources.SOURCES, (False, True), ("80", "90")))
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _on_fibers():
-    """Every kernel here is compiled by g++; tests/gpu has those on a GPU."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("GSVC_CUDA", "fibers")
-        device.machine.cache_clear()
-        if not device.available():
-            pytest.skip("there is no C++ compiler")
-        yield
-    device.machine.cache_clear()
+pytestmark = pytest.mark.usefixtures("on_fibers")
 
 
 @pytest.fixture

@@ -22,15 +22,7 @@ PREFIX = 10
 """Bytes of a stream before its first chunk."""
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _on_fibers():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("GSVC_CUDA", "fibers")
-        device.machine.cache_clear()
-        if not device.available():
-            pytest.skip("there is no C++ compiler")
-        yield
-    device.machine.cache_clear()
+pytestmark = pytest.mark.usefixtures("on_fibers")
 
 
 @pytest.fixture

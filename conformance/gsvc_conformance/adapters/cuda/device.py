@@ -3,7 +3,7 @@
 A kernel is started by its name: ``launch("to_frame", blocks, threads, ...)``. Its arguments become an array of
 addresses, as `cuLaunchKernel` wants it, and fibers.h unpacks the same array for the kernel of a C++ compiler. So their
 types must be those of the parameters: a buffer or None is a pointer, an ``int`` is ``int``, a ``float`` is ``float``,
-and whatever else a kernel takes comes as a NumPy scalar, structures included.
+and every other argument, such as a structure, is a NumPy scalar.
 
 Launches run in order on CuPy's current stream and nobody waits for them: errors of a kernel come with the next
 `download` or `synchronize`.
@@ -199,7 +199,7 @@ def _argument(value: Any) -> Any:
         return ctypes.create_string_buffer(value.tobytes(), value.nbytes)
     if type(value) is int:
         if not -(2**31) <= value < 2**31:
-            raise OverflowError(f"{value} is no int of a kernel")
+            raise OverflowError(f"{value} is not in the range of an int")
         return ctypes.c_int(value)
     if type(value) is float:
         return ctypes.c_float(value)

@@ -163,7 +163,7 @@ def fetch(buffer: cupy.ndarray, values: Array) -> None:
 def compiled(source: str, exact: bool, machine: str) -> bytes:
     """A file of kernels as a cubin for an architecture, such as ``sm_90``, or as PTX for ``compute_90``; without a GPU.
 
-    Not by RawModule or RawKernel: these add ``-ftz=true`` to whatever options they get.
+    Not by RawModule or RawKernel: these add ``-ftz=true`` to the options that they get.
     """
     options = ("--std=c++17", f"--gpu-architecture={machine}", f"--include-path={KERNELS}", *ROUNDING[exact], *PLANTED)
     text = (KERNELS / f"{source}.cu").read_text("utf-8")

@@ -44,7 +44,7 @@ class Scene:
     """The splats of a frame and the lists of its regions, which stay on the device: rendering without a round trip.
 
     What it needs is allocated here; `fill` and what draws only launch, so `device.replay` may record them. A picture
-    goes into a buffer that begins at a multiple of 16 bytes, as all do that are no slices.
+    goes into a buffer that begins at a multiple of 16 bytes, as every whole buffer does.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _sum(parameters: Floats, width: int, height: int, exact: bool) -> Values:
 
 
 def render_sum(parameters: Floats, width: int, height: int) -> Values:
-    """The sum of the splats over a frame, (H, W, 3) f4, in whatever way the compiler finds fast: R-13-3."""
+    """The sum of the splats over a frame, (H, W, 3) f4, compiled for speed: R-13-3."""
     return _sum(parameters, width, height, exact=False)
 
 
